@@ -1,0 +1,2 @@
+//! The demosift command.
+fn main() {}

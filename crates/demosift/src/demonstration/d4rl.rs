@@ -1,0 +1,1 @@
+//! The D4RL layout in HDF5.

@@ -1,0 +1,83 @@
+//! The world in which an agent acts: tasks, their variants, and running instances of them.
+
+use crate::error::{Error, Result};
+use crate::heuristic::Heuristic;
+use crate::rows::Rows;
+use crate::seed::Seed;
+
+/// e_j: which goal of a multi-goal task (§3); a task with one goal has variant 0 only.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+pub struct EnvVariant(pub usize);
+
+/// The sizes and names of a task, fixed for its life.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Specification {
+    /// The task's name, such as `free_throw`.
+    pub name: String,
+    /// Numbers in an observation.
+    pub observation_size: usize,
+    /// Numbers in an action; each means the whole range of an actuator over [−1, 1].
+    pub action_size: usize,
+    /// Names of the measurements, in the order of their columns.
+    pub measurements: Vec<String>,
+    /// Names of the variants; at least one.
+    pub variants: Vec<String>,
+    /// Control steps in an episode.
+    pub horizon: usize,
+    /// Simulated seconds of a control step.
+    pub control_step_secs: f64,
+}
+
+impl Specification {
+    /// All variants, in order.
+    pub fn variant_ids(&self) -> Vec<EnvVariant> {
+        (0..self.variants.len()).map(EnvVariant).collect()
+    }
+
+    /// The column of the measurement `name`; the error lists the names there are.
+    pub fn measurement(&self, name: &str) -> Result<usize> {
+        self.measurements.iter().position(|known| known == name).ok_or_else(|| {
+            Error::bad_input(format!(
+                "no measurement is called '{name}'; the task '{}' has: {}",
+                self.name,
+                self.measurements.join(", ")
+            ))
+        })
+    }
+}
+
+/// A task: makes environments, and knows what a good outcome is.
+pub trait Task: Send + Sync {
+    /// Sizes and names.
+    fn specification(&self) -> &Specification;
+
+    /// A new running instance, for one worker.
+    fn environment(&self) -> Result<Box<dyn Environment>>;
+
+    /// K (§4.3).
+    fn heuristic(&self) -> &dyn Heuristic;
+
+    /// Whether an episode with these measurements, `[T+1, measurements]`, reached the task's goal;
+    /// `None` where the task does not say. For training demonstrators and for reporting, never for judging.
+    fn succeeded(&self, measurements: &Rows) -> Option<bool>;
+}
+
+/// A running instance of a task.
+///
+/// After [`reset`](Environment::reset) it behaves as a new instance would: what it did before leaves no trace.
+pub trait Environment: Send {
+    /// Starts an episode: fills the first observation `[obs]` and the first measurements `[measurements]`.
+    fn reset(&mut self, variant: EnvVariant, seed: Seed, observation: &mut [f32], measurements: &mut [f32]);
+
+    /// Takes one control step with an action `[act]`, which is clipped to [−1, 1] here.
+    fn step(&mut self, action: &[f32], observation: &mut [f32], measurements: &mut [f32]) -> StepOutcome;
+}
+
+/// What a control step led to, apart from the observation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepOutcome {
+    /// R_task with its shaping: for training demonstrators, never part of R_IL.
+    pub task_reward: f32,
+    /// Whether the new state is terminal. Tasks of fixed horizon never say so (see the trap page on horizons).
+    pub terminated: bool,
+}

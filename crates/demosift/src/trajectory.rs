@@ -1,0 +1,93 @@
+//! What an agent did in one episode: frozen, and checked when it is built.
+
+use crate::error::{Error, Result};
+use crate::rows::Rows;
+
+/// τ: one episode of an agent (§3).
+///
+/// With T actions there are T+1 observations and T+1 rows of measurements, the first of each taken after the reset.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trajectory {
+    observations: Rows,
+    actions: Rows,
+    measurements: Rows,
+    task_rewards: Vec<f32>,
+    terminated: bool,
+}
+
+/// The parts of a [`Trajectory`] as they are collected, before the check.
+#[derive(Clone, Debug)]
+pub struct Parts {
+    /// `[T+1, obs]`.
+    pub observations: Rows,
+    /// `[T, act]`, as the policy drew them, before the environment clips them to [−1, 1].
+    pub actions: Rows,
+    /// `[T+1, measurements]`: what the environment wrote down for the heuristic and for success.
+    pub measurements: Rows,
+    /// `[T]`: R_task, with shaping; trains demonstrators and never enters R_IL.
+    pub task_rewards: Vec<f32>,
+    /// Whether the last state was terminal; an episode that ran to the horizon is not.
+    pub terminated: bool,
+}
+
+impl Trajectory {
+    /// Freezes the parts of an episode after checking lengths and finiteness.
+    pub fn new(parts: Parts) -> Result<Self> {
+        let Parts { observations, actions, measurements, task_rewards, terminated } = parts;
+        let steps = actions.len();
+        if steps == 0 {
+            return Err(Error::bad_input("a trajectory needs at least one action, got none"));
+        }
+        for (what, found, wanted) in [
+            ("observations", observations.len(), steps + 1),
+            ("rows of measurements", measurements.len(), steps + 1),
+            ("task rewards", task_rewards.len(), steps),
+        ] {
+            if found != wanted {
+                return Err(Error::bad_input(format!(
+                    "a trajectory of {steps} actions needs {wanted} {what}, got {found}"
+                )));
+            }
+        }
+        for (what, rows) in
+            [("observation", &observations), ("action", &actions), ("measurement", &measurements)]
+        {
+            if let Some((step, column)) = rows.first_not_finite() {
+                return Err(Error::diverged(format!(
+                    "{what} {column} at step {step} is not a finite number"
+                )));
+            }
+        }
+        Ok(Self { observations, actions, measurements, task_rewards, terminated })
+    }
+
+    /// Number of actions, T.
+    pub fn steps(&self) -> usize {
+        self.actions.len()
+    }
+
+    /// Observations, `[T+1, obs]`.
+    pub fn observations(&self) -> &Rows {
+        &self.observations
+    }
+
+    /// Actions, `[T, act]`.
+    pub fn actions(&self) -> &Rows {
+        &self.actions
+    }
+
+    /// Measurements, `[T+1, measurements]`.
+    pub fn measurements(&self) -> &Rows {
+        &self.measurements
+    }
+
+    /// R_task of each step, `[T]`.
+    pub fn task_rewards(&self) -> &[f32] {
+        &self.task_rewards
+    }
+
+    /// Whether the last state was terminal.
+    pub fn terminated(&self) -> bool {
+        self.terminated
+    }
+}
