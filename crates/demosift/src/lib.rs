@@ -10,9 +10,11 @@ pub mod demonstration;
 pub mod environment;
 pub mod error;
 pub mod heuristic;
+pub mod nn;
 pub mod observer;
 pub mod rows;
 pub mod seed;
+pub mod solve;
 pub mod trajectory;
 
 pub use error::{Error, Result};
