@@ -77,8 +77,11 @@ fn fetch(root: &Path, library: &Path) -> Result<(), String> {
     outcome
 }
 
+/// Gets the library into a scratch folder and says where it is.
+type Source = fn(&Path) -> Result<PathBuf, String>;
+
 fn fetch_into(scratch: &Path, library: &Path) -> Result<(), String> {
-    let sources: [(&str, fn(&Path) -> Result<PathBuf, String>); 2] =
+    let sources: [(&str, Source); 2] =
         [("the Python package index", from_wheel), ("the release archive", from_archive)];
     let mut problems = Vec::new();
     for (name, source) in sources {
