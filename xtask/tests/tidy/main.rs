@@ -221,12 +221,12 @@ fn the_library_has_no_hash_map_catches() {
 }
 
 #[test]
-fn unsafe_stands_in_one_file() {
-    tidy(rules::unsafe_stands_in_one_file(&crates()));
+fn unsafe_stands_in_named_files() {
+    tidy(rules::unsafe_stands_in_named_files(&crates()));
 }
 
 #[test]
-fn unsafe_stands_in_one_file_catches() {
+fn unsafe_stands_in_named_files_catches() {
     let sources = [
         Source::new("crates/demosift-mujoco/src/quiet.rs", "unsafe { call() }"),
         Source::new(
@@ -235,7 +235,7 @@ fn unsafe_stands_in_one_file_catches() {
         ),
     ];
     caught(
-        &rules::unsafe_stands_in_one_file(&sources),
+        &rules::unsafe_stands_in_named_files(&sources),
         &["crates/demosift-mujoco/src/model.rs:3", "crates/demosift-mujoco/src/model.rs:2"],
     );
 }
