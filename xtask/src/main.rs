@@ -23,8 +23,8 @@ struct Failure {
 }
 
 impl From<String> for Failure {
-    fn from(message: String) -> Self {
-        Self { message, code: 1 }
+    fn from(problem: String) -> Self {
+        Self { message: format!("error: {problem}"), code: 1 }
     }
 }
 

@@ -55,7 +55,7 @@ fn accept_users_own(folder: &Path) -> Result<(), String> {
     let names = [LINK_NAME, "libmujoco.dylib"];
     if !names.iter().any(|name| folder.join(name).exists()) {
         return Err(format!(
-            "error: {LINK_DIR_VARIABLE} is set to {}, which holds neither {} nor {}\n\
+            "{LINK_DIR_VARIABLE} is set to {}, which holds neither {} nor {}\n\
              Unset it to use the checkout's own MuJoCo, or put MuJoCo {VERSION} there.",
             folder.display(),
             names[0],
@@ -89,7 +89,7 @@ fn fetch_into(scratch: &Path, library: &Path) -> Result<(), String> {
         match found {
             Ok(found) => {
                 return fs::rename(&found, library)
-                    .map_err(|error| format!("error: cannot write {}: {error}", library.display()));
+                    .map_err(|error| format!("cannot write {}: {error}", library.display()));
             }
             Err(problem) => problems.push(format!("  from {name}: {}", problem.replace('\n', "\n    "))),
         }
@@ -149,14 +149,13 @@ fn run(command: &mut Command) -> Result<(), String> {
 }
 
 fn check_hash(library: &Path) -> Result<(), String> {
-    let bytes =
-        fs::read(library).map_err(|error| format!("error: cannot read {}: {error}", library.display()))?;
+    let bytes = fs::read(library).map_err(|error| format!("cannot read {}: {error}", library.display()))?;
     let found = hex(&Sha256::digest(&bytes));
     if found == LIBRARY_SHA256 {
         return Ok(());
     }
     Err(format!(
-        "error: {LIBRARY} is not the one that demosift was tested with\n\
+        "{LIBRARY} is not the one that demosift was tested with\n\
          found    SHA-256 {found}\n\
          expected SHA-256 {LIBRARY_SHA256}\n\
          in {}",
@@ -180,17 +179,17 @@ fn link(folder: &Path) -> Result<(), String> {
     let made = std::os::unix::fs::symlink(LIBRARY, &link);
     #[cfg(not(unix))]
     let made = fs::copy(folder.join(LIBRARY), &link).map(|_| ());
-    made.map_err(|error| format!("error: cannot make the link {}: {error}", link.display()))
+    made.map_err(|error| format!("cannot make the link {}: {error}", link.display()))
 }
 
 fn create_folder(folder: &Path) -> Result<(), String> {
     fs::create_dir_all(folder)
-        .map_err(|error| format!("error: cannot make the folder {}: {error}", folder.display()))
+        .map_err(|error| format!("cannot make the folder {}: {error}", folder.display()))
 }
 
 fn by_hand(library: &Path, problems: &[String]) -> String {
     format!(
-        "error: MuJoCo {VERSION} could not be fetched\n\
+        "MuJoCo {VERSION} could not be fetched\n\
          {}\n\
          \n\
          To do it by hand, get one of these two on a machine that can:\n  \
@@ -205,7 +204,7 @@ fn by_hand(library: &Path, problems: &[String]) -> String {
 
 fn other_platform() -> String {
     format!(
-        "error: the set-up knows Linux on x86-64 only, and this is {} on {}\n\
+        "the set-up knows Linux on x86-64 only, and this is {} on {}\n\
          To do it by hand, get MuJoCo {VERSION}, exactly this version, for your platform from\n  \
          https://github.com/google-deepmind/mujoco/releases/tag/{VERSION}\n\
          set {LINK_DIR_VARIABLE} to the absolute path of the folder that holds its library, and run the command again.",

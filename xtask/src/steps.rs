@@ -55,7 +55,7 @@ fn cargo(root: &Path, arguments: &[&str]) -> Result<(), Failure> {
         .args(arguments)
         .current_dir(root)
         .status()
-        .map_err(|error| format!("error: cannot run cargo: {error}"))?;
+        .map_err(|error| format!("cannot run cargo: {error}"))?;
     if status.success() {
         return Ok(());
     }
