@@ -9,6 +9,7 @@
 pub mod demonstration;
 pub mod environment;
 pub mod error;
+pub mod files;
 pub mod heuristic;
 pub mod observer;
 pub mod rows;
