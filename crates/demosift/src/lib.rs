@@ -14,6 +14,7 @@ pub mod demonstrator;
 pub mod environment;
 pub mod error;
 pub mod experiment;
+pub mod files;
 pub mod gail;
 pub mod heuristic;
 pub mod imitate;
