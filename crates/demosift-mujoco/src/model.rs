@@ -48,6 +48,20 @@ pub(crate) enum Kind {
     Actuator,
 }
 
+impl Kind {
+    fn word(self) -> &'static str {
+        match self {
+            Self::Body => "body",
+            Self::Joint => "joint",
+            Self::Geom => "geom",
+            Self::Site => "site",
+            Self::Camera => "camera",
+            Self::Key => "keyframe",
+            Self::Actuator => "actuator",
+        }
+    }
+}
+
 impl Model {
     /// Loads an MJCF file.
     ///
@@ -104,6 +118,16 @@ impl Model {
     /// Names of the cameras.
     pub fn cameras(&self) -> Vec<String> {
         self.names(Kind::Camera).into_iter().flatten().collect()
+    }
+
+    /// What has no name, such as `geom 3`: bodies, joints, geoms, sites, cameras and actuators.
+    pub fn nameless(&self) -> Vec<String> {
+        let kinds = [Kind::Body, Kind::Joint, Kind::Geom, Kind::Site, Kind::Camera, Kind::Actuator];
+        let nameless = kinds.into_iter().flat_map(|kind| {
+            let names = self.names(kind).into_iter().enumerate();
+            names.filter(|(_, name)| name.is_none()).map(move |(id, _)| format!("{} {id}", kind.word()))
+        });
+        nameless.collect()
     }
 
     /// Simulated seconds of one step of the physics.
@@ -246,7 +270,7 @@ impl Model {
 }
 
 fn unknown(kinds: &[Kind], name: &str, known: Vec<String>) -> Error {
-    let kinds: Vec<_> = kinds.iter().map(|kind| format!("{kind:?}").to_lowercase()).collect();
+    let kinds: Vec<_> = kinds.iter().map(|kind| kind.word()).collect();
     let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
     Error::bad_config(format!("no {} is called '{name}'; the model has: {known}", kinds.join(" or ")))
 }
