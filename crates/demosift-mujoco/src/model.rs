@@ -137,7 +137,9 @@ impl Model {
 
     /// Whether a step can be cut after the stage that knows position and velocity.
     pub(crate) fn has_split_step(&self) -> bool {
-        self.0.opt().integrator != MjtIntegrator::mjINT_RK4 as i32
+        let one_stage =
+            [MjtIntegrator::mjINT_EULER, MjtIntegrator::mjINT_IMPLICIT, MjtIntegrator::mjINT_IMPLICITFAST];
+        one_stage.iter().any(|known| self.0.opt().integrator == *known as i32)
     }
 
     /// The names of all things of a kind, by id; `None` where one has no name.

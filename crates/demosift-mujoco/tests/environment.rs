@@ -317,7 +317,7 @@ fn variants_and_keyframes_and_values_set_the_start_and_noise_spares_the_excepted
 
 #[test]
 fn the_task_reward_adds_terms_shaping_and_success_once() {
-    let text = TASK.replace("constant = 0.25", "constant = 0.25").replace("qpos_noise", "# qpos_noise");
+    let text = TASK.replace("qpos_noise", "# qpos_noise");
     let task =
         MujocoTask::from_texts(&text, &[("cart.xml", MODEL)], Some(|_| Ok(Box::new(Counting)))).unwrap();
     let (mut environment, mut buffers) = start(&task, 0);
@@ -358,4 +358,14 @@ fn a_success_that_may_be_undone_is_paid_at_the_end() {
             assert!((paid - if step == 4 { wanted } else { 0.0 }).abs() < 1e-4, "step {step}: {paid}");
         }
     }
+}
+
+#[test]
+fn a_success_that_holds_from_the_start_is_paid_in_the_first_step() {
+    let task = cart(&TASK.replace("above = 0.05", "above = -1.0"));
+    let (mut environment, mut buffers) = start(&task, 0);
+    let mut step =
+        || environment.step(&[0.0], &mut buffers.observation, &mut buffers.measurements).task_reward;
+    assert!(step() > 100.0);
+    assert!(step() < 50.0);
 }

@@ -200,3 +200,31 @@ fn an_unknown_task_lists_the_known_ones() {
         "{error}"
     );
 }
+
+/// The task file in the documentation of the crate.
+#[test]
+fn the_documented_example_is_a_task() {
+    let documentation = include_str!("../src/lib.rs");
+    let example = documentation.split("```toml").nth(1).unwrap().split("//! ```").next().unwrap();
+    let example: Vec<&str> =
+        example.lines().map(|line| line.trim_start_matches("//!").trim_start()).collect();
+    let model = r#"
+<mujoco>
+  <worldbody>
+    <geom name="floor" type="plane" size="5 5 1"/>
+    <camera name="front" pos="0 -3 1"/>
+    <body name="pelvis" pos="0 0 1">
+      <joint name="slider" type="slide" axis="1 0 0"/>
+      <geom size="0.1"/>
+      <site name="head" pos="0 0 0.5"/>
+      <body name="hand"><joint name="elbow"/><geom size="0.1"/></body>
+      <body name="foot"><joint name="ankle"/><geom size="0.1"/></body>
+    </body>
+    <body name="goal"><joint name="target"/><geom size="0.1"/><site name="target"/></body>
+    <body name="ball" pos="2 0 1"><freejoint name="ball"/><geom name="leather" size="0.1"/></body>
+  </worldbody>
+  <actuator><motor name="push" joint="slider" ctrllimited="true" ctrlrange="-2 4"/></actuator>
+  <keyframe><key name="ready" qpos="0 0 0 0 2 0 1 1 0 0 0"/></keyframe>
+</mujoco>"#;
+    MujocoTask::from_texts(&example.join("\n"), &[("arm.xml", model)], None).unwrap();
+}
