@@ -46,6 +46,8 @@ pub struct Tape<T> {
     activations: Vec<T>,
     output_start: usize,
     tangents: Vec<T>,
+    /// The weights, each transposed, where they are in the parameters: the product would do it anew for each block.
+    transposed: Vec<T>,
     current: Vec<T>,
     next: Vec<T>,
 }
@@ -204,11 +206,12 @@ impl Mlp {
         let batch = self.check_tape(parameters, inputs, tape);
         assert_eq!(output_cotangents.len(), batch * self.output_width(), "cotangents of the outputs");
         assert_eq!(gradient.len(), parameters.len(), "length of the gradient");
+        self.transpose_weights(parameters, &mut tape.transposed);
         for rows in blocks(batch) {
             tape.current.clear();
             tape.current.extend_from_slice(of_rows(output_cotangents, &rows, self.output_width()));
             for index in (0..self.layers()).rev() {
-                self.layer_backward(index, &rows, parameters, inputs, tape, gradient);
+                self.layer_backward(index, &rows, inputs, tape, gradient);
             }
         }
     }
@@ -219,13 +222,12 @@ impl Mlp {
         &self,
         index: usize,
         rows: &Range<usize>,
-        parameters: &[T],
         inputs: &[T],
         tape: &mut Tape<T>,
         gradient: &mut [T],
     ) {
         let layer = self.layer(index);
-        let Tape { batch, activations, current, next, .. } = tape;
+        let Tape { batch, activations, transposed, current, next, .. } = tape;
         let input = match index {
             0 => of_rows(inputs, rows, layer.inputs),
             _ => of_rows(&activations[self.activation_start(index - 1, *batch)..], rows, layer.inputs),
@@ -242,13 +244,25 @@ impl Mlp {
             return;
         }
         next.resize(rows.len() * layer.inputs, T::ZERO);
-        let weight = Matrix::new(&parameters[layer.weight.clone()], layer.inputs, layer.outputs);
-        product(delta, weight.transposed(), next, Target::Overwrite);
+        let transposed = Matrix::new(&transposed[layer.weight], layer.outputs, layer.inputs);
+        product(delta, transposed, next, Target::Overwrite);
         vectorized(
             #[inline(always)]
             || through_tanh(next, input),
         );
         std::mem::swap(current, next);
+    }
+
+    fn transpose_weights<T: Real>(&self, parameters: &[T], transposed: &mut Vec<T>) {
+        transposed.resize(parameters.len(), T::ZERO);
+        for index in 1..self.layers() {
+            let LayerLayout { weight, inputs, outputs, .. } = self.layer(index);
+            let targets = transposed[weight.clone()].chunks_exact_mut(inputs);
+            for (column, target) in (0..outputs).zip(targets) {
+                let source = parameters[weight.clone()].iter().skip(column).step_by(outputs);
+                target.iter_mut().zip(source).for_each(|(target, value)| *target = *value);
+            }
+        }
     }
 
     /// J · `direction` `[batch, out]`: how fast the outputs change when the parameters move along `direction`.
