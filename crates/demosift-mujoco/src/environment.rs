@@ -1,0 +1,223 @@
+//! A running instance of a task.
+//!
+//! After a control step everything that is observed or measured belongs to the same moment:
+//! the physics is cut in such a way that places, velocities and contacts are computed for the state in which
+//! the step ended, at no cost (MuJoCo's `mj_step1` and `mj_step2`). Contact wrenches are those of the step's last physics step.
+//!
+//! A simulation that became unstable shows itself: from then to the end of the episode all
+//! observations, measurements and rewards are NaN, which
+//! [`Trajectory::new`](demosift::trajectory::Trajectory::new) turns into an error.
+
+use std::sync::Arc;
+
+use demosift::environment::{EnvVariant, Environment, StepOutcome};
+use demosift::seed::Seed;
+use demosift::{Error, Result};
+use mujoco_rs::prelude::{MjData, MjtWarning};
+
+use crate::heuristic_fold::FoldState;
+use crate::measurement::Data;
+use crate::model::Model;
+use crate::mujoco_task::Blueprint;
+use crate::observation::Reading;
+use crate::reward::Transition;
+
+/// Warnings after which MuJoCo no longer simulates what was asked for: it starts again, or drops the controls.
+const FATAL: [MjtWarning; 4] = [
+    MjtWarning::mjWARN_BADQPOS,
+    MjtWarning::mjWARN_BADQVEL,
+    MjtWarning::mjWARN_BADQACC,
+    MjtWarning::mjWARN_BADCTRL,
+];
+
+/// A running instance of a [`MujocoTask`](crate::mujoco_task::MujocoTask).
+pub struct MujocoEnvironment {
+    task: Arc<Blueprint>,
+    data: Data,
+    /// Control steps taken in this episode.
+    steps: usize,
+    before: Vec<f64>,
+    after: Vec<f64>,
+    success: Option<Progress>,
+    needs_wrenches: bool,
+}
+
+/// The success of the running episode.
+struct Progress {
+    so_far: FoldState,
+    paid: bool,
+}
+
+impl MujocoEnvironment {
+    pub(crate) fn new(task: Arc<Blueprint>) -> Result<Self> {
+        let data = MjData::try_new(task.model.mujoco().clone())
+            .map_err(|error| Error::simulation(format!("MuJoCo cannot set up a simulation: {error}")))?;
+        let measurements = vec![0.0; task.measurements.len()];
+        let needs_wrenches = task.observation.iter().any(|part| matches!(part, Reading::ContactWrench(_)));
+        let (before, after) = (measurements.clone(), measurements);
+        Ok(Self { task, data, steps: 0, before, after, success: None, needs_wrenches })
+    }
+
+    /// Positions of all joints, `[nq]`, in MuJoCo's order: enough to draw the state again.
+    pub fn qpos(&self) -> &[f64] {
+        self.data.qpos()
+    }
+
+    /// Velocities of all joints, `[nv]`, in MuJoCo's order.
+    pub fn qvel(&self) -> &[f64] {
+        self.data.qvel()
+    }
+
+    /// Starts an episode at the given state, `[nq]` and `[nv]`, without noise.
+    ///
+    /// # Errors
+    /// If a length is not the model's, or a number is not finite.
+    pub fn set_state(&mut self, qpos: &[f64], qvel: &[f64]) -> Result<()> {
+        for (what, got, wanted) in
+            [("qpos", qpos, self.data.qpos().len()), ("qvel", qvel, self.data.qvel().len())]
+        {
+            if got.len() != wanted {
+                let message = format!("{what} of this model has {wanted} numbers, got {}", got.len());
+                return Err(Error::bad_input(message));
+            }
+            if let Some(at) = got.iter().position(|value| !value.is_finite()) {
+                return Err(Error::bad_input(format!("{what}[{at}] is {}, and must be finite", got[at])));
+            }
+        }
+        self.data.reset();
+        self.data.qpos_mut().copy_from_slice(qpos);
+        self.data.qvel_mut().copy_from_slice(qvel);
+        self.begin();
+        Ok(())
+    }
+
+    /// Fills the observation `[obs]` and the measurements `[measurements]` of the present state.
+    pub fn observe(&self, observation: &mut [f32], measurements: &mut [f32]) {
+        if self.is_unstable() {
+            observation.fill(f32::NAN);
+            measurements.fill(f32::NAN);
+            return;
+        }
+        let phase = self.steps as f64 / self.task.specification.horizon as f64;
+        let mut rest = observation;
+        for reading in &self.task.observation {
+            let (part, others) = rest.split_at_mut(reading.width());
+            reading.write(&self.data, phase, part);
+            rest = others;
+        }
+        measurements.iter_mut().zip(&self.after).for_each(|(to, from)| *to = *from as f32);
+    }
+
+    /// Whether MuJoCo found the state, an acceleration or a control to be unusable in this episode.
+    pub fn is_unstable(&self) -> bool {
+        FATAL.iter().any(|kind| self.data.warning()[*kind as usize].number > 0)
+    }
+
+    /// How many warnings of any kind MuJoCo gave in this episode.
+    pub fn warnings(&self) -> usize {
+        self.data.warning().iter().map(|warning| warning.number as usize).sum()
+    }
+
+    pub(crate) fn data_mut(&mut self) -> &mut Data {
+        &mut self.data
+    }
+
+    pub(crate) fn model(&self) -> &Model {
+        &self.task.model
+    }
+
+    /// Computes everything that follows from position and velocity, and forgets the episode before.
+    fn begin(&mut self) {
+        self.data.forward();
+        if self.needs_wrenches {
+            self.data.rne_post_constraint();
+        }
+        self.steps = 0;
+        self.measure();
+        self.success =
+            self.task.success.as_ref().map(|success| Progress { so_far: success.fold.start(), paid: false });
+    }
+
+    fn measure(&mut self) {
+        for (value, measurement) in self.after.iter_mut().zip(&self.task.measurements) {
+            *value = measurement.take(&self.data);
+        }
+    }
+
+    fn set_controls(&mut self, action: &[f32]) {
+        for ((to, control), action) in self.data.ctrl_mut().iter_mut().zip(&self.task.controls).zip(action) {
+            *to = control.middle + control.half_range * f64::from(action.clamp(-1.0, 1.0));
+        }
+    }
+
+    fn advance(&mut self) {
+        let more = self.task.frame_skip - 1;
+        if self.task.model.has_split_step() {
+            self.data.step2();
+        } else {
+            self.data.step();
+        }
+        (0..more).for_each(|_| self.data.step());
+        if self.needs_wrenches {
+            self.data.rne_post_constraint();
+        }
+        self.data.step1();
+    }
+
+    /// What reaching the goal pays in this step: once, as soon as the success cannot be undone any more.
+    fn success_reward(&mut self, measurements: &[f32]) -> f64 {
+        let (Some(success), Some(progress)) = (&self.task.success, &mut self.success) else { return 0.0 };
+        success.fold.push(&mut progress.so_far, measurements);
+        let is_last = self.steps == self.task.specification.horizon;
+        let holds = success.bound.holds(success.fold.value(&progress.so_far));
+        let pays = !progress.paid
+            && holds
+            && (is_last || success.fold.is_settled_by(&progress.so_far, success.bound));
+        progress.paid |= pays;
+        if pays { success.reward } else { 0.0 }
+    }
+
+    fn task_reward(&mut self, action: &[f32], observation: &[f32], measurements: &[f32]) -> f64 {
+        let success = self.success_reward(measurements);
+        let transition = Transition {
+            before: &self.before,
+            after: &self.after,
+            action,
+            observation,
+            steps: self.steps,
+            horizon: self.task.specification.horizon,
+        };
+        let terms: f64 = self.task.terms.iter().map(|term| term.of(&transition)).sum();
+        let shaping = self.task.shaping.as_ref().map_or(0.0, |shaping| shaping.reward(&transition));
+        terms + shaping + success
+    }
+}
+
+impl Environment for MujocoEnvironment {
+    fn reset(&mut self, variant: EnvVariant, seed: Seed, observation: &mut [f32], measurements: &mut [f32]) {
+        self.data.reset();
+        let (mut qpos, mut qvel) = (self.data.qpos().to_vec(), self.data.qvel().to_vec());
+        self.task.reset.write(variant.0, seed, &mut qpos, &mut qvel);
+        self.task.model.mujoco().normalize_quat(&mut qpos);
+        self.data.qpos_mut().copy_from_slice(&qpos);
+        self.data.qvel_mut().copy_from_slice(&qvel);
+        self.begin();
+        self.observe(observation, measurements);
+        self.success_reward(measurements);
+    }
+
+    fn step(&mut self, action: &[f32], observation: &mut [f32], measurements: &mut [f32]) -> StepOutcome {
+        self.set_controls(action);
+        self.advance();
+        self.steps += 1;
+        std::mem::swap(&mut self.before, &mut self.after);
+        self.measure();
+        self.observe(observation, measurements);
+        let task_reward = if self.is_unstable() {
+            f32::NAN
+        } else {
+            self.task_reward(action, observation, measurements) as f32
+        };
+        StepOutcome { task_reward, terminated: false }
+    }
+}

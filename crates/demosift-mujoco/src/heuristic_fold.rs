@@ -1,0 +1,319 @@
+//! One number out of the measurements of an episode: the heuristic K (§4.3, A.1) and the value that success is judged by.
+//!
+//! A pure fold over rows, written once and used twice: over a finished episode, and row by row as an environment plays.
+
+use demosift::heuristic::{Heuristic, Score};
+use demosift::rows::Rows;
+use demosift::{Error, Result};
+use serde::Deserialize;
+
+use crate::task_file::{self, FoldOf, OneOrMore};
+
+/// How the counted rows become one number.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum FoldKind {
+    /// The last counted value less the first.
+    LastMinusFirst,
+    Min,
+    Max,
+    Sum,
+    Mean,
+    Last,
+}
+
+/// A fold whose names have become columns.
+#[derive(Clone, Debug)]
+pub(crate) struct Fold {
+    kind: FoldKind,
+    /// Columns that are added up to the value of a row.
+    columns: Vec<usize>,
+    negate: bool,
+    /// A row is counted if all of these hold ...
+    when: Vec<Condition>,
+    /// ... and all of these have held in every row so far.
+    as_long_as: Vec<Condition>,
+    otherwise: f64,
+    unit: String,
+}
+
+/// A condition on one column.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Condition {
+    column: usize,
+    bound: Bound,
+}
+
+/// What a number is compared with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Bound {
+    Is(f64),
+    Above(f64),
+    Below(f64),
+}
+
+/// A fold in progress.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FoldState {
+    counted: usize,
+    over: bool,
+    first: f64,
+    last: f64,
+    min: f64,
+    max: f64,
+    sum: f64,
+}
+
+impl Fold {
+    /// Looks up the names of a fold in the `measurements` of a task.
+    ///
+    /// # Errors
+    /// If a measurement is unknown, a condition has not exactly one bound, or `otherwise` is missing where a fold
+    /// with conditions may find nothing to count.
+    pub(crate) fn resolve(file: &FoldOf, measurements: &[String]) -> Result<Self> {
+        let names = match &file.of {
+            OneOrMore::One(name) => std::slice::from_ref(name),
+            OneOrMore::More(names) => names,
+        };
+        if names.is_empty() {
+            return Err(Error::bad_config("of: an empty list; name at least one measurement"));
+        }
+        let columns = names.iter().map(|name| column(name, measurements));
+        let columns = columns.collect::<Result<_>>().map_err(|error| error.during("of"))?;
+        let conditions = |conditions: &[task_file::Condition], key| -> Result<Vec<_>> {
+            let resolved = conditions.iter().map(|condition| Condition::resolve(condition, measurements));
+            resolved.collect::<Result<_>>().map_err(|error| error.during(key))
+        };
+        let when = conditions(&file.when, "when")?;
+        let as_long_as = conditions(&file.as_long_as, "while")?;
+        let empty_is_zero = matches!(file.fold, FoldKind::Sum | FoldKind::LastMinusFirst);
+        let may_be_empty = !when.is_empty() || !as_long_as.is_empty();
+        let otherwise = match file.otherwise {
+            Some(value) => value,
+            None if empty_is_zero || !may_be_empty => 0.0,
+            None => {
+                return Err(Error::bad_config(
+                    "`otherwise` is missing: the number of an episode in which the conditions never hold",
+                ));
+            }
+        };
+        let unit = file.unit.clone();
+        Ok(Self { kind: file.fold, columns, negate: file.negate, when, as_long_as, otherwise, unit })
+    }
+
+    /// The fold before the first row.
+    pub(crate) fn start(&self) -> FoldState {
+        FoldState {
+            counted: 0,
+            over: false,
+            first: 0.0,
+            last: 0.0,
+            min: f64::INFINITY,
+            max: f64::NEG_INFINITY,
+            sum: 0.0,
+        }
+    }
+
+    /// Takes in one row of measurements.
+    pub(crate) fn push(&self, state: &mut FoldState, row: &[f32]) {
+        state.over |= !self.as_long_as.iter().all(|condition| condition.holds(row));
+        if state.over || !self.when.iter().all(|condition| condition.holds(row)) {
+            return;
+        }
+        let value: f64 = self.columns.iter().map(|column| f64::from(row[*column])).sum();
+        if state.counted == 0 {
+            state.first = value;
+        }
+        state.counted += 1;
+        state.last = value;
+        state.min = state.min.min(value);
+        state.max = state.max.max(value);
+        state.sum += value;
+    }
+
+    /// The number that the rows so far make.
+    pub(crate) fn value(&self, state: &FoldState) -> f64 {
+        let value = match self.kind {
+            _ if state.counted == 0 => self.otherwise,
+            FoldKind::LastMinusFirst => state.last - state.first,
+            FoldKind::Min => state.min,
+            FoldKind::Max => state.max,
+            FoldKind::Sum => state.sum,
+            FoldKind::Mean => state.sum / state.counted as f64,
+            FoldKind::Last => state.last,
+        };
+        if self.negate { -value } else { value }
+    }
+
+    /// Whether a bound that holds after some rows will hold after any further ones.
+    pub(crate) fn is_settled_by(&self, state: &FoldState, bound: Bound) -> bool {
+        let falls = matches!((self.kind, self.negate), (FoldKind::Min, false) | (FoldKind::Max, true));
+        let rises = matches!((self.kind, self.negate), (FoldKind::Max, false) | (FoldKind::Min, true));
+        state.counted > 0
+            && match bound {
+                Bound::Below(_) => falls,
+                Bound::Above(_) => rises,
+                Bound::Is(_) => false,
+            }
+    }
+
+    /// The number that all rows make.
+    pub(crate) fn over(&self, rows: &Rows) -> f64 {
+        let mut state = self.start();
+        rows.iter().for_each(|row| self.push(&mut state, row));
+        self.value(&state)
+    }
+}
+
+impl Heuristic for Fold {
+    fn score(&self, measurements: &Rows) -> Score {
+        self.over(measurements)
+    }
+
+    fn unit(&self) -> &str {
+        &self.unit
+    }
+}
+
+impl Condition {
+    fn resolve(file: &task_file::Condition, measurements: &[String]) -> Result<Self> {
+        let column = column(&file.measurement, measurements)?;
+        let bound = match (file.is, file.above, file.below) {
+            (Some(value), None, None) => Bound::Is(value),
+            (None, Some(value), None) => Bound::Above(value),
+            (None, None, Some(value)) => Bound::Below(value),
+            _ => {
+                return Err(Error::bad_config(format!(
+                    "the condition on '{}' needs exactly one of: is, above, below",
+                    file.measurement
+                )));
+            }
+        };
+        Ok(Self { column, bound })
+    }
+
+    fn holds(&self, row: &[f32]) -> bool {
+        self.bound.holds(f64::from(row[self.column]))
+    }
+}
+
+impl Bound {
+    /// Whether the number keeps to the bound.
+    pub(crate) fn holds(self, value: f64) -> bool {
+        match self {
+            Self::Is(wanted) => value == wanted,
+            Self::Above(bound) => value > bound,
+            Self::Below(bound) => value < bound,
+        }
+    }
+}
+
+/// The column of a measurement; the error lists the measurements there are.
+pub(crate) fn column(name: &str, measurements: &[String]) -> Result<usize> {
+    measurements.iter().position(|known| known == name).ok_or_else(|| {
+        Error::bad_config(format!(
+            "no measurement is called '{name}'; [measurements] has: {}",
+            measurements.join(", ")
+        ))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fold(text: &str) -> Fold {
+        let file: FoldOf = toml::from_str(text).unwrap();
+        Fold::resolve(&file, &["a".to_owned(), "b".to_owned()]).unwrap()
+    }
+
+    fn rows(values: &[[f32; 2]]) -> Rows {
+        values.iter().map(|row| &row[..]).collect()
+    }
+
+    /// a falls and rises again; b is a switch.
+    fn episode() -> Rows {
+        rows(&[[3.0, 1.0], [0.5, 1.0], [1.0, 0.0], [4.0, 1.0], [2.0, 0.0]])
+    }
+
+    #[test]
+    fn each_fold_gives_the_number_worked_out_by_hand() {
+        for (kind, value) in [
+            ("last_minus_first", -1.0),
+            ("min", 0.5),
+            ("max", 4.0),
+            ("sum", 10.5),
+            ("mean", 2.1),
+            ("last", 2.0),
+        ] {
+            let text = format!("fold = '{kind}'\nof = 'a'\nunit = 'm'");
+            assert_eq!(fold(&text).score(&episode()), value, "{kind}");
+            assert_eq!(fold(&format!("{text}\nnegate = true")).score(&episode()), -value, "{kind} negated");
+            assert_eq!(fold(&text).unit(), "m");
+        }
+    }
+
+    #[test]
+    fn several_measurements_are_added_up_in_each_row() {
+        assert_eq!(fold("fold = 'max'\nof = ['a', 'b']").score(&episode()), 5.0);
+    }
+
+    #[test]
+    fn when_counts_only_the_rows_at_which_the_condition_holds() {
+        let when = |kind: &str, condition: &str| {
+            fold(&format!(
+                "fold = '{kind}'\nof = 'a'\notherwise = 9\nwhen = [{{ measurement = {condition} }}]"
+            ))
+            .score(&episode())
+        };
+        assert_eq!(when("sum", "'b', is = 1"), 7.5);
+        assert_eq!(when("mean", "'b', is = 0"), 1.5);
+        assert_eq!(when("last_minus_first", "'b', above = 0.5"), 1.0);
+        assert_eq!(when("max", "'a', below = 3"), 2.0);
+        assert_eq!(when("min", "'a', below = 0"), 9.0, "no row is counted");
+        assert_eq!(when("sum", "'a', below = 0"), 9.0, "no row is counted");
+    }
+
+    #[test]
+    fn while_stops_for_good_at_the_first_row_at_which_the_condition_fails() {
+        let text = "of = 'a'\notherwise = -7\nwhile = [{ measurement = 'b', is = 1 }]\nfold = ";
+        assert_eq!(fold(&format!("{text}'sum'")).score(&episode()), 3.5);
+        assert_eq!(fold(&format!("{text}'max'")).score(&episode()), 3.0);
+        assert_eq!(fold(&format!("{text}'last'")).score(&rows(&[[1.0, 0.0], [2.0, 1.0]])), -7.0);
+        let both = format!("{text}'sum'\nwhen = [{{ measurement = 'a', above = 1 }}]");
+        assert_eq!(fold(&both).score(&episode()), 3.0);
+    }
+
+    #[test]
+    fn a_bound_is_settled_only_where_more_rows_cannot_undo_it() {
+        let settled = |text: &str, bound| {
+            let fold = fold(text);
+            let mut state = fold.start();
+            assert!(!fold.is_settled_by(&state, bound), "nothing is settled before the first row");
+            fold.push(&mut state, &[0.0, 0.0]);
+            fold.is_settled_by(&state, bound)
+        };
+        assert!(settled("fold = 'min'\nof = 'a'", Bound::Below(1.0)));
+        assert!(!settled("fold = 'min'\nof = 'a'", Bound::Above(1.0)));
+        assert!(settled("fold = 'min'\nof = 'a'\nnegate = true", Bound::Above(-1.0)));
+        assert!(settled("fold = 'max'\nof = 'a'", Bound::Above(1.0)));
+        assert!(!settled("fold = 'last'\nof = 'a'", Bound::Below(1.0)));
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_fold_is_said_with_what_would_be_right() {
+        for (text, wanted) in [
+            ("fold = 'min'\nof = 'c'", "no measurement is called 'c'; [measurements] has: a, b"),
+            ("fold = 'min'\nof = []", "at least one measurement"),
+            ("fold = 'min'\nof = 'a'\nwhen = [{ measurement = 'b' }]", "exactly one of: is, above, below"),
+            ("fold = 'min'\nof = 'a'\nwhen = [{ measurement = 'b', is = 1 }]", "`otherwise` is missing"),
+        ] {
+            let error = Fold::resolve(&toml::from_str(text).unwrap(), &["a".to_owned(), "b".to_owned()]);
+            let error = error.unwrap_err();
+            assert!(error.to_string().contains(wanted), "{error}");
+            assert!(error.is_bad_config());
+        }
+        let error = toml::from_str::<FoldOf>("fold = 'median'\nof = 'a'").unwrap_err().to_string();
+        assert!(error.contains("expected one of `last_minus_first`, `min`"), "{error}");
+    }
+}

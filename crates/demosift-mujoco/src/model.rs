@@ -1,0 +1,252 @@
+//! Loading an MJCF model, and finding its parts by name.
+//!
+//! Names are looked up when a task is loaded, never while it plays.
+//! Where a name is unknown, the error lists the names there are.
+
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+use demosift::{Error, Result};
+use mujoco_rs::prelude::{MjModel, MjtIntegrator, MjtJoint, MjtObjBase};
+use mujoco_rs::wrappers::mj_auxiliary::MjVfs;
+
+use crate::quiet::quiet;
+
+/// The largest picture that can be rendered, pixels; MuJoCo wants to know when the model is loaded.
+pub const LARGEST_PICTURE: (usize, usize) = (1920, 1080);
+
+/// A compiled MuJoCo model, shared by all environments of a task.
+#[derive(Clone, Debug)]
+pub struct Model(Arc<MjModel>);
+
+/// A joint and the numbers of the state that belong to it.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Joint {
+    pub(crate) name: String,
+    pub(crate) qpos: Range<usize>,
+    pub(crate) qvel: Range<usize>,
+}
+
+/// A place in the model that moves with a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Point {
+    Body(usize),
+    Geom(usize),
+    Site(usize),
+}
+
+/// What a name can belong to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Kind {
+    Body,
+    Joint,
+    Geom,
+    Site,
+    Camera,
+    Key,
+    Actuator,
+}
+
+impl Model {
+    /// Loads an MJCF file.
+    ///
+    /// # Errors
+    /// If there is no such file, or MuJoCo rejects it (with MuJoCo's own reason).
+    pub fn from_file(path: &Path) -> Result<Self> {
+        quiet();
+        if !path.is_file() {
+            let message = "there is no such file; `model` is relative to the folder of its task.toml";
+            return Err(Error::bad_input(message).at(path));
+        }
+        if path.to_str().is_none_or(|path| path.contains('\0')) {
+            return Err(Error::bad_input("MuJoCo opens only paths that are valid UTF-8").at(path));
+        }
+        Self::finish(MjModel::from_xml(path)).map_err(|error| error.at(path))
+    }
+
+    /// Loads the MJCF file `main` out of `files`, pairs of name and text, which may include each other.
+    ///
+    /// # Errors
+    /// If `main` is not among them, or MuJoCo rejects it.
+    pub fn from_texts(main: &str, files: &[(&str, &str)]) -> Result<Self> {
+        quiet();
+        if !files.iter().any(|(name, _)| *name == main) {
+            let names: Vec<_> = files.iter().map(|(name, _)| *name).collect();
+            return Err(Error::bad_input(format!(
+                "no model file is called '{main}'; there are: {}",
+                names.join(", ")
+            )));
+        }
+        let mut folder = MjVfs::new();
+        for (name, text) in files {
+            folder
+                .add_from_buffer(name, text.as_bytes())
+                .map_err(|error| Error::simulation(format!("MuJoCo cannot take the file {name}: {error}")))?;
+        }
+        Self::finish(MjModel::from_xml_vfs(main, &folder))
+    }
+
+    fn finish(loaded: std::result::Result<MjModel, mujoco_rs::error::MjModelError>) -> Result<Self> {
+        let mut model =
+            loaded.map_err(|error| Error::bad_input(format!("MuJoCo rejects the model: {error}")))?;
+        let screen = &mut model.vis_mut().global;
+        screen.offwidth = screen.offwidth.max(LARGEST_PICTURE.0 as i32);
+        screen.offheight = screen.offheight.max(LARGEST_PICTURE.1 as i32);
+        Ok(Self(Arc::new(model)))
+    }
+
+    /// The model as MuJoCo's binding knows it.
+    pub fn mujoco(&self) -> &Arc<MjModel> {
+        &self.0
+    }
+
+    /// Names of the cameras.
+    pub fn cameras(&self) -> Vec<String> {
+        self.names(Kind::Camera).into_iter().flatten().collect()
+    }
+
+    /// Simulated seconds of one step of the physics.
+    pub fn timestep_secs(&self) -> f64 {
+        self.0.opt().timestep
+    }
+
+    /// Whether a step can be cut after the stage that knows position and velocity.
+    pub(crate) fn has_split_step(&self) -> bool {
+        self.0.opt().integrator != MjtIntegrator::mjINT_RK4 as i32
+    }
+
+    /// The names of all things of a kind, by id; `None` where one has no name.
+    pub(crate) fn names(&self, kind: Kind) -> Vec<Option<String>> {
+        let (object, count) = match kind {
+            Kind::Body => (MjtObjBase::mjOBJ_BODY, self.0.nbody()),
+            Kind::Joint => (MjtObjBase::mjOBJ_JOINT, self.0.njnt()),
+            Kind::Geom => (MjtObjBase::mjOBJ_GEOM, self.0.ngeom()),
+            Kind::Site => (MjtObjBase::mjOBJ_SITE, self.0.nsite()),
+            Kind::Camera => (MjtObjBase::mjOBJ_CAMERA, self.0.ncam()),
+            Kind::Key => (MjtObjBase::mjOBJ_KEY, self.0.nkey()),
+            Kind::Actuator => (MjtObjBase::mjOBJ_ACTUATOR, self.0.nactuator()),
+        };
+        let name = |id| self.0.id_to_name(object, id).filter(|name| !name.is_empty()).map(str::to_owned);
+        (0..count as usize).map(name).collect()
+    }
+
+    /// The id of the thing with this name.
+    ///
+    /// # Errors
+    /// If there is none; lists the names there are.
+    pub(crate) fn id(&self, kind: Kind, name: &str) -> Result<usize> {
+        let names = self.names(kind);
+        names
+            .iter()
+            .position(|known| known.as_deref() == Some(name))
+            .ok_or_else(|| unknown(&[kind], name, names.into_iter().flatten().collect()))
+    }
+
+    /// All joints in order of their ids, which is the order of their numbers in the state.
+    pub(crate) fn joints(&self) -> Vec<Joint> {
+        let names = self.names(Kind::Joint).into_iter().enumerate();
+        names
+            .map(|(id, name)| {
+                let (positions, velocities) = match self.0.jnt_type()[id] {
+                    MjtJoint::mjJNT_FREE => (7, 6),
+                    MjtJoint::mjJNT_BALL => (4, 3),
+                    MjtJoint::mjJNT_SLIDE | MjtJoint::mjJNT_HINGE => (1, 1),
+                };
+                let (qpos, qvel) = (self.0.jnt_qposadr()[id] as usize, self.0.jnt_dofadr()[id] as usize);
+                let name = name.unwrap_or_else(|| format!("(nameless joint {id})"));
+                Joint { name, qpos: qpos..qpos + positions, qvel: qvel..qvel + velocities }
+            })
+            .collect()
+    }
+
+    /// The joint with this name.
+    ///
+    /// # Errors
+    /// If there is none; lists the joints there are.
+    pub(crate) fn joint(&self, name: &str) -> Result<Joint> {
+        let id = self.id(Kind::Joint, name)?;
+        Ok(self.joints().swap_remove(id))
+    }
+
+    /// The site, geom or body with this name; `site:`, `geom:` or `body:` before it says which.
+    ///
+    /// # Errors
+    /// If nothing has the name, or more than one thing.
+    pub(crate) fn point(&self, name: &str) -> Result<Point> {
+        if let Some((prefix, name)) = name.split_once(':') {
+            return match prefix {
+                "site" => self.id(Kind::Site, name).map(Point::Site),
+                "geom" => self.id(Kind::Geom, name).map(Point::Geom),
+                "body" => self.id(Kind::Body, name).map(Point::Body),
+                _ => Err(Error::bad_config(format!(
+                    "'{prefix}:' is not a kind of place; there are: site:, geom:, body:"
+                ))),
+            };
+        }
+        let found: Vec<Point> = [
+            self.id(Kind::Site, name).ok().map(Point::Site),
+            self.id(Kind::Geom, name).ok().map(Point::Geom),
+            self.id(Kind::Body, name).ok().map(Point::Body),
+        ]
+        .into_iter()
+        .flatten()
+        .collect();
+        match found[..] {
+            [point] => Ok(point),
+            [] => {
+                let kinds = [Kind::Site, Kind::Geom, Kind::Body];
+                let names = kinds.iter().flat_map(|kind| self.names(*kind).into_iter().flatten());
+                Err(unknown(&kinds, name, names.collect()))
+            }
+            _ => Err(Error::bad_config(format!(
+                "'{name}' names more than one thing; write site:{name}, geom:{name} or body:{name}"
+            ))),
+        }
+    }
+
+    /// Which geoms a name means, by id: the geom with this name, or all geoms of the body with it.
+    ///
+    /// # Errors
+    /// As [`Model::point`]; also for a site, which touches nothing, and a body without geoms.
+    pub(crate) fn geoms(&self, name: &str) -> Result<Box<[bool]>> {
+        let of_body = self.0.geom_bodyid();
+        let chosen: Box<[bool]> = match self.point(name)? {
+            Point::Geom(chosen) => (0..of_body.len()).map(|geom| geom == chosen).collect(),
+            Point::Body(body) => of_body.iter().map(|owner| *owner as usize == body).collect(),
+            Point::Site(_) => {
+                let message = format!("'{name}' is a site, and sites touch nothing; name a geom or a body");
+                return Err(Error::bad_config(message));
+            }
+        };
+        if chosen.contains(&true) {
+            return Ok(chosen);
+        }
+        Err(Error::bad_config(format!("the body '{name}' has no geoms, so it touches nothing")))
+    }
+
+    /// The range of each control.
+    ///
+    /// # Errors
+    /// If an actuator has no `ctrlrange`: then [−1, 1] would mean nothing.
+    pub(crate) fn control_ranges(&self) -> Result<Vec<[f64; 2]>> {
+        let limited = self.0.actuator_ctrllimited();
+        if let Some(control) = limited.iter().position(|limited| !limited) {
+            let names = self.names(Kind::Actuator);
+            let name = names.get(control).cloned().flatten().unwrap_or_else(|| format!("number {control}"));
+            return Err(Error::bad_input(format!(
+                "the actuator {name} has no ctrlrange; every actuator needs one, since actions in [-1, 1] are scaled to it"
+            )));
+        }
+        if limited.is_empty() {
+            return Err(Error::bad_input("the model has no actuators; an agent needs at least one"));
+        }
+        Ok(self.0.actuator_ctrlrange().to_vec())
+    }
+}
+
+fn unknown(kinds: &[Kind], name: &str, known: Vec<String>) -> Error {
+    let kinds: Vec<_> = kinds.iter().map(|kind| format!("{kind:?}").to_lowercase()).collect();
+    let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+    Error::bad_config(format!("no {} is called '{name}'; the model has: {known}", kinds.join(" or ")))
+}

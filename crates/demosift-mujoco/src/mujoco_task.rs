@@ -1,0 +1,195 @@
+//! A task: `task.toml` and its model, every name looked up.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use demosift::environment::{Environment, Specification, Task};
+use demosift::heuristic::Heuristic;
+use demosift::rows::Rows;
+use demosift::{Error, Result};
+
+use crate::environment::MujocoEnvironment;
+use crate::heuristic_fold::Fold;
+use crate::measurement::Measurement;
+use crate::model::{Kind, Model};
+use crate::observation::{self, Reading};
+use crate::reset::Reset;
+use crate::reward::{RewardShaping, Success, Term};
+use crate::task_file::TaskFile;
+
+/// Makes the part of the task reward that is written in Rust, once the task's sizes and names are known.
+pub type MakeShaping = fn(&Specification) -> Result<Box<dyn RewardShaping>>;
+
+/// A task in MuJoCo; cheap to clone.
+#[derive(Clone)]
+pub struct MujocoTask(Arc<Blueprint>);
+
+/// All that the environments of a task share.
+pub(crate) struct Blueprint {
+    pub(crate) specification: Specification,
+    pub(crate) model: Model,
+    pub(crate) frame_skip: u32,
+    pub(crate) observation: Vec<Reading>,
+    pub(crate) measurements: Vec<Measurement>,
+    pub(crate) controls: Vec<Control>,
+    pub(crate) reset: Reset,
+    pub(crate) terms: Vec<Term>,
+    pub(crate) success: Option<Success>,
+    pub(crate) shaping: Option<Box<dyn RewardShaping>>,
+    heuristic: Fold,
+    camera: Option<String>,
+}
+
+/// How an action in [−1, 1] becomes a control: middle + half_range · action.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Control {
+    pub(crate) middle: f64,
+    pub(crate) half_range: f64,
+}
+
+impl MujocoTask {
+    /// Reads a `task.toml` and the model that it names, which lies beside it.
+    ///
+    /// # Errors
+    /// If a file is missing or wrong; says what, and what would have been right.
+    pub fn from_file(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| Error::io("cannot read the task file", path, &error))?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        Self::build(&text, |model| Model::from_file(&folder.join(model)), None)
+            .map_err(|error| error.at(path))
+    }
+
+    /// Takes the text of a `task.toml` and of its `models`, pairs of file name and MJCF.
+    ///
+    /// # Errors
+    /// As [`MujocoTask::from_file`].
+    pub fn from_texts(
+        task_file: &str,
+        models: &[(&str, &str)],
+        shaping: Option<MakeShaping>,
+    ) -> Result<Self> {
+        Self::build(task_file, |model| Model::from_texts(model, models), shaping)
+    }
+
+    fn build(
+        text: &str,
+        load: impl FnOnce(&str) -> Result<Model>,
+        shaping: Option<MakeShaping>,
+    ) -> Result<Self> {
+        let file = TaskFile::parse(text)?;
+        let model = load(&file.model)?;
+        let mut blueprint = resolve(&file, model)?;
+        blueprint.shaping = shaping.map(|make| make(&blueprint.specification)).transpose()?;
+        Ok(Self(Arc::new(blueprint)))
+    }
+
+    /// A new running instance, with the methods that only MuJoCo's environments have.
+    ///
+    /// # Errors
+    /// If MuJoCo has no memory for it.
+    pub fn mujoco_environment(&self) -> Result<MujocoEnvironment> {
+        MujocoEnvironment::new(self.0.clone())
+    }
+
+    /// The model.
+    pub fn model(&self) -> &Model {
+        &self.0.model
+    }
+
+    /// The camera that shows the task best, if the model has cameras.
+    pub fn camera(&self) -> Option<&str> {
+        self.0.camera.as_deref()
+    }
+
+    /// Steps of the physics in a control step.
+    pub fn frame_skip(&self) -> u32 {
+        self.0.frame_skip
+    }
+}
+
+impl Task for MujocoTask {
+    fn specification(&self) -> &Specification {
+        &self.0.specification
+    }
+
+    fn environment(&self) -> Result<Box<dyn Environment>> {
+        Ok(Box::new(self.mujoco_environment()?))
+    }
+
+    fn heuristic(&self) -> &dyn Heuristic {
+        &self.0.heuristic
+    }
+
+    fn succeeded(&self, measurements: &Rows) -> Option<bool> {
+        let success = self.0.success.as_ref()?;
+        Some(success.bound.holds(success.fold.over(measurements)))
+    }
+}
+
+fn resolve(file: &TaskFile, model: Model) -> Result<Blueprint> {
+    let names: Vec<String> = file.measurements.keys().cloned().collect();
+    let observation =
+        observation::resolve(&file.observation, &model).map_err(|error| error.during("observation"))?;
+    let measurements = file.measurements.iter().map(|(name, measurement)| {
+        Measurement::resolve(measurement, &model)
+            .map_err(|error| error.during(&format!("measurements.{name}")))
+    });
+    let measurements = measurements.collect::<Result<Vec<_>>>()?;
+    let control_step_secs = model.timestep_secs() * f64::from(file.frame_skip.get());
+    let terms = file.reward.iter().map(|term| Term::resolve(term, &names, control_step_secs));
+    let terms = terms.collect::<Result<Vec<_>>>().map_err(|error| error.during("reward"))?;
+    let heuristic = Fold::resolve(&file.heuristic, &names).map_err(|error| error.during("heuristic"))?;
+    let success = file.success.as_ref().map(|success| Success::resolve(success, &names)).transpose();
+    let success = success.map_err(|error| error.during("success"))?;
+    let controls: Vec<Control> = model
+        .control_ranges()?
+        .into_iter()
+        .map(|[low, high]| Control { middle: 0.5 * (low + high), half_range: 0.5 * (high - low) })
+        .collect();
+    let specification = Specification {
+        name: file.name.clone(),
+        observation_size: observation.iter().map(Reading::width).sum(),
+        action_size: controls.len(),
+        measurements: names,
+        variants: variant_names(file)?,
+        horizon: file.horizon.get(),
+        control_step_secs,
+    };
+    Ok(Blueprint {
+        reset: Reset::resolve(file, &model)?,
+        camera: camera(file, &model)?,
+        specification,
+        model,
+        frame_skip: file.frame_skip.get(),
+        observation,
+        measurements,
+        controls,
+        terms,
+        success,
+        shaping: None,
+        heuristic,
+    })
+}
+
+fn variant_names(file: &TaskFile) -> Result<Vec<String>> {
+    let names: Vec<String> = file.variant.iter().map(|variant| variant.name.clone()).collect();
+    for (index, name) in names.iter().enumerate() {
+        if names[..index].contains(name) {
+            return Err(Error::bad_config(format!(
+                "two variants are called '{name}'; each needs a name of its own"
+            )));
+        }
+    }
+    Ok(if names.is_empty() { vec!["default".to_owned()] } else { names })
+}
+
+fn camera(file: &TaskFile, model: &Model) -> Result<Option<String>> {
+    match &file.camera {
+        Some(name) => {
+            model.id(Kind::Camera, name).map_err(|error| error.during("camera"))?;
+            Ok(Some(name.clone()))
+        }
+        None => Ok(model.cameras().into_iter().next()),
+    }
+}

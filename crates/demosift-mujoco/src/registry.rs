@@ -1,0 +1,54 @@
+//! The tasks that come with demosift, and the way to a user's own.
+
+use std::path::Path;
+
+use demosift::{Error, Result};
+
+use crate::mujoco_task::{MakeShaping, MujocoTask};
+
+/// A task that is part of the program, so that an installed binary needs no files beside it.
+struct BuiltIn {
+    name: &'static str,
+    task_file: &'static str,
+    /// File names and MJCF.
+    models: &'static [(&'static str, &'static str)],
+    shaping: Option<MakeShaping>,
+}
+
+const BUILT_IN: &[BuiltIn] = &[BuiltIn {
+    name: "half_cheetah",
+    task_file: include_str!("../../../tasks/half_cheetah/task.toml"),
+    models: &[("half_cheetah.xml", include_str!("../../../tasks/half_cheetah/half_cheetah.xml"))],
+    shaping: None,
+}];
+
+/// Names of the tasks that come with demosift.
+pub fn names() -> Vec<&'static str> {
+    BUILT_IN.iter().map(|task| task.name).collect()
+}
+
+/// The task with this name, or the user's task at this path: a `task.toml`, or the folder that holds one.
+///
+/// # Errors
+/// If it is neither (lists the names there are), or something in the task is wrong.
+pub fn load(name_or_path: &str) -> Result<MujocoTask> {
+    if let Some(task) = BUILT_IN.iter().find(|task| task.name == name_or_path) {
+        return MujocoTask::from_texts(task.task_file, task.models, task.shaping)
+            .map_err(|error| error.during(task.name));
+    }
+    let path = Path::new(name_or_path);
+    if path.is_dir() {
+        let file = path.join("task.toml");
+        if !file.is_file() {
+            return Err(Error::bad_input("this folder holds no task.toml, so it is not a task").at(path));
+        }
+        return MujocoTask::from_file(&file);
+    }
+    if path.is_file() {
+        return MujocoTask::from_file(path);
+    }
+    Err(Error::bad_input(format!(
+        "no task is called '{name_or_path}'; there are: {}; or give the path of a folder with a task.toml",
+        names().join(", ")
+    )))
+}

@@ -1,0 +1,284 @@
+//! `task.toml` as it is written: the words and their types, before any name in it is looked up.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::num::{NonZeroU32, NonZeroUsize};
+
+use demosift::{Error, Result};
+use serde::Deserialize;
+use serde::de::{MapAccess, SeqAccess, Visitor, value};
+
+/// A whole `task.toml`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct TaskFile {
+    /// The task's name.
+    pub(crate) name: String,
+    /// The MJCF file, relative to the folder of the task file.
+    pub(crate) model: String,
+    /// The camera that shows the task best; the model's first one if not given.
+    pub(crate) camera: Option<String>,
+    /// Steps of the physics in a control step.
+    pub(crate) frame_skip: NonZeroU32,
+    /// Control steps in an episode.
+    pub(crate) horizon: NonZeroUsize,
+    /// The parts of an observation, in order.
+    pub(crate) observation: Vec<ObservationPart>,
+    /// Terms of the task reward, added up.
+    #[serde(default)]
+    pub(crate) reward: Vec<RewardTerm>,
+    /// How an episode starts.
+    #[serde(default)]
+    pub(crate) reset: Reset,
+    /// What is written down at every step, by name; the columns are in alphabetical order.
+    pub(crate) measurements: BTreeMap<String, Measurement>,
+    /// How good an episode was.
+    pub(crate) heuristic: FoldOf,
+    /// Whether an episode reached the goal.
+    pub(crate) success: Option<Success>,
+    /// The goals of a multi-goal task; one, called `default`, if there are none.
+    #[serde(default)]
+    pub(crate) variant: Vec<Variant>,
+}
+
+impl TaskFile {
+    /// Reads the text of a `task.toml`.
+    pub(crate) fn parse(text: &str) -> Result<Self> {
+        toml::from_str(text).map_err(|error| Error::bad_config(error.to_string().trim_end().to_owned()))
+    }
+}
+
+/// One part of an observation.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum ObservationPart {
+    /// Positions of joints.
+    Qpos(Names),
+    /// Velocities of joints.
+    Qvel(Names),
+    /// Where sites, geoms or bodies are, m; 3 numbers each.
+    Position(Vec<String>),
+    /// How fast sites, geoms or bodies move, m/s; 3 numbers each.
+    Velocity(Vec<String>),
+    /// Torque and force that contacts exert on bodies; 6 numbers each.
+    ContactWrench(Vec<String>),
+    /// The share of the episode that has passed; 1 number.
+    Phase,
+}
+
+/// Which joints: `"all"`, a name, a list of names, or `{ except = [names] }`.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Names {
+    All,
+    Only(Vec<String>),
+    Except(Vec<String>),
+}
+
+impl<'de> Deserialize<'de> for Names {
+    fn deserialize<D: serde::Deserializer<'de>>(input: D) -> std::result::Result<Self, D::Error> {
+        struct Reader;
+
+        impl<'de> Visitor<'de> for Reader {
+            type Value = Names;
+
+            fn expecting(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+                out.write_str("\"all\", a joint's name, a list of names, or { except = [names] }")
+            }
+
+            fn visit_str<E>(self, name: &str) -> std::result::Result<Names, E> {
+                Ok(if name == "all" { Names::All } else { Names::Only(vec![name.to_owned()]) })
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, names: A) -> std::result::Result<Names, A::Error> {
+                Vec::deserialize(value::SeqAccessDeserializer::new(names)).map(Names::Only)
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> std::result::Result<Names, A::Error> {
+                #[derive(Deserialize)]
+                #[serde(deny_unknown_fields)]
+                struct Except {
+                    except: Vec<String>,
+                }
+                let all_but = Except::deserialize(value::MapAccessDeserializer::new(map))?;
+                Ok(Names::Except(all_but.except))
+            }
+        }
+
+        input.deserialize_any(Reader)
+    }
+}
+
+/// One number that is written down at every step.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Measurement {
+    /// Position of a hinge or slide joint, rad or m.
+    Qpos(String),
+    /// Velocity of a hinge or slide joint, rad/s or m/s.
+    Qvel(String),
+    /// Distance of two places, m.
+    Distance([String; 2]),
+    /// Distance of two places seen from above, m.
+    HorizontalDistance([String; 2]),
+    /// Height of a place over the origin of the world, m.
+    Height(String),
+    /// How much higher the first place is than the second, m.
+    HeightAbove([String; 2]),
+    /// One coordinate of a place, m.
+    Position(Component),
+    /// One component of the velocity of a place, m/s.
+    Velocity(Component),
+    /// 1 while two geoms (or any geoms of two bodies) touch, else 0.
+    Contact([String; 2]),
+}
+
+/// One coordinate of a vector that belongs to a place.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Component {
+    pub(crate) of: String,
+    pub(crate) axis: Axis,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Axis {
+    X,
+    Y,
+    Z,
+}
+
+/// One term of the task reward: `{ measurement, weight }`, `{ rate_of, weight }`, `{ control_cost }` or `{ constant }`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RewardTerm {
+    pub(crate) measurement: Option<String>,
+    pub(crate) rate_of: Option<String>,
+    pub(crate) weight: Option<f64>,
+    pub(crate) control_cost: Option<f64>,
+    pub(crate) constant: Option<f64>,
+}
+
+/// How an episode starts: the model's own initial pose or a keyframe, then values, then noise.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Reset {
+    pub(crate) keyframe: Option<String>,
+    #[serde(default)]
+    pub(crate) qpos: BTreeMap<String, Values>,
+    #[serde(default)]
+    pub(crate) qvel: BTreeMap<String, Values>,
+    pub(crate) qpos_noise: Option<Noise>,
+    pub(crate) qvel_noise: Option<Noise>,
+}
+
+/// A goal: how its episodes start differently.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Variant {
+    pub(crate) name: String,
+    #[serde(default)]
+    pub(crate) qpos: BTreeMap<String, Values>,
+    #[serde(default)]
+    pub(crate) qvel: BTreeMap<String, Values>,
+}
+
+/// The numbers of a joint: one for a hinge or slide, a list for a ball or free joint.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Values(pub(crate) Vec<f64>);
+
+impl<'de> Deserialize<'de> for Values {
+    fn deserialize<D: serde::Deserializer<'de>>(input: D) -> std::result::Result<Self, D::Error> {
+        struct Reader;
+
+        impl<'de> Visitor<'de> for Reader {
+            type Value = Values;
+
+            fn expecting(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+                out.write_str("a number or a list of numbers")
+            }
+
+            fn visit_f64<E>(self, number: f64) -> std::result::Result<Values, E> {
+                Ok(Values(vec![number]))
+            }
+
+            fn visit_i64<E>(self, number: i64) -> std::result::Result<Values, E> {
+                Ok(Values(vec![number as f64]))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, numbers: A) -> std::result::Result<Values, A::Error> {
+                Vec::deserialize(value::SeqAccessDeserializer::new(numbers)).map(Values)
+            }
+        }
+
+        input.deserialize_any(Reader)
+    }
+}
+
+/// Noise on the initial state: `{ uniform = half_width }` or `{ normal = standard_deviation }`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Noise {
+    pub(crate) uniform: Option<f64>,
+    pub(crate) normal: Option<f64>,
+    /// Joints without noise.
+    #[serde(default)]
+    pub(crate) except: Vec<String>,
+}
+
+/// A number that sums up the measurements of an episode.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct FoldOf {
+    pub(crate) fold: crate::heuristic_fold::FoldKind,
+    pub(crate) of: OneOrMore,
+    /// Turns a number of which less is better into a score.
+    #[serde(default)]
+    pub(crate) negate: bool,
+    /// Only the steps at which all of these hold are counted.
+    #[serde(default)]
+    pub(crate) when: Vec<Condition>,
+    /// Only the steps before the first one at which one of these fails are counted.
+    #[serde(default, rename = "while")]
+    pub(crate) as_long_as: Vec<Condition>,
+    /// The number, before `negate`, of an episode of which no step is counted.
+    pub(crate) otherwise: Option<f64>,
+    #[serde(default)]
+    pub(crate) unit: String,
+}
+
+/// One measurement, or several that are added up.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged, expecting = "expected the name of a measurement, or a list of names to be added up")]
+pub(crate) enum OneOrMore {
+    One(String),
+    More(Vec<String>),
+}
+
+/// A condition on one measurement: exactly one of `is`, `above`, `below`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Condition {
+    pub(crate) measurement: String,
+    pub(crate) is: Option<f64>,
+    pub(crate) above: Option<f64>,
+    pub(crate) below: Option<f64>,
+}
+
+/// When an episode counts as a success: exactly one of `above`, `below`, on a fold.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Success {
+    pub(crate) fold: crate::heuristic_fold::FoldKind,
+    pub(crate) of: OneOrMore,
+    #[serde(default)]
+    pub(crate) when: Vec<Condition>,
+    #[serde(default, rename = "while")]
+    pub(crate) as_long_as: Vec<Condition>,
+    pub(crate) otherwise: Option<f64>,
+    pub(crate) above: Option<f64>,
+    pub(crate) below: Option<f64>,
+    /// Paid into the task reward, once, when success is certain.
+    #[serde(default)]
+    pub(crate) reward: f64,
+}

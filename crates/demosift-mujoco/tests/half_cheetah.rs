@@ -1,0 +1,74 @@
+//! HalfCheetah steps as Gymnasium's does.
+#![allow(clippy::unwrap_used, clippy::print_stderr, missing_docs)]
+
+use demosift::environment::{EnvVariant, Environment, Task};
+use demosift::rows::Rows;
+use demosift::seed::Seed;
+use demosift_mujoco::registry;
+use serde_json::Value;
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
+}
+
+fn to_f32(values: &[f64]) -> Vec<f32> {
+    values.iter().map(|value| *value as f32).collect()
+}
+
+/// The reference was made by Gymnasium with the same version of MuJoCo (see the script beside it), so the
+/// f64 states agree to the last bit, and so do observation and reward once rounded to f32.
+#[test]
+fn two_hundred_steps_agree_with_gymnasium_to_the_last_bit() {
+    let reference: Value = serde_json::from_str(include_str!("references/half_cheetah.json")).unwrap();
+    let task = registry::load("half_cheetah").unwrap();
+    let mut environment = task.mujoco_environment().unwrap();
+    environment.set_state(&numbers(&reference["qpos"]), &numbers(&reference["qvel"])).unwrap();
+    let (mut observation, mut measurements) = ([0.0; 17], [0.0; 1]);
+    let steps = reference["steps"].as_array().unwrap();
+    assert_eq!(steps.len(), 200);
+    for (at, step) in steps.iter().enumerate() {
+        let action = to_f32(&numbers(&step["action"]));
+        let outcome = environment.step(&action, &mut observation, &mut measurements);
+        assert_eq!(environment.qpos(), numbers(&step["qpos"]), "qpos at step {at}");
+        assert_eq!(environment.qvel(), numbers(&step["qvel"]), "qvel at step {at}");
+        assert_eq!(&observation[..], to_f32(&numbers(&step["observation"])), "observation at step {at}");
+        assert_eq!(measurements[0], numbers(&step["qpos"])[0] as f32, "x at step {at}");
+        assert_eq!(outcome.task_reward, step["reward"].as_f64().unwrap() as f32, "reward at step {at}");
+        assert!(!outcome.terminated);
+    }
+}
+
+#[test]
+fn sizes_and_heuristic_are_as_declared() {
+    let task = registry::load("half_cheetah").unwrap();
+    let specification = task.specification();
+    assert_eq!((specification.observation_size, specification.action_size), (17, 6));
+    assert_eq!((specification.horizon, specification.measurements.join(" ").as_str()), (1000, "x"));
+    assert_eq!(specification.control_step_secs, 0.05);
+    assert_eq!(specification.variants, ["default"]);
+    let rows = Rows::from_flat(vec![1.0, 7.0, 3.5], 1).unwrap();
+    assert_eq!((task.heuristic().score(&rows), task.heuristic().unit()), (2.5, "m"));
+    assert_eq!(task.succeeded(&rows), None);
+}
+
+/// Gymnasium: qpos evenly within ±0.1 of the initial pose, qvel normal with deviation 0.1.
+#[test]
+fn reset_noise_is_that_of_gymnasium() {
+    let task = registry::load("half_cheetah").unwrap();
+    let mut environment = task.mujoco_environment().unwrap();
+    let (mut positions, mut velocities) = (Vec::new(), Vec::new());
+    for episode in 0..2000 {
+        environment.reset(EnvVariant(0), Seed::new(3).at(episode), &mut [0.0; 17], &mut [0.0; 1]);
+        positions.extend_from_slice(environment.qpos());
+        velocities.extend_from_slice(environment.qvel());
+    }
+    let spread = |values: &[f64]| {
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        (mean, (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt())
+    };
+    let (mean, deviation) = spread(&positions);
+    assert!(positions.iter().all(|value| value.abs() <= 0.1));
+    assert!(mean.abs() < 0.002 && (deviation - 0.1 / 3_f64.sqrt()).abs() < 0.001, "{mean} {deviation}");
+    let (mean, deviation) = spread(&velocities);
+    assert!(mean.abs() < 0.003 && (deviation - 0.1).abs() < 0.002, "{mean} {deviation}");
+}
