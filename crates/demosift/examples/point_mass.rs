@@ -1,0 +1,31 @@
+//! Ranks planted demonstrations of a point mass: the first thing to run.
+//!
+//! `cargo run --release -p demosift --example point_mass`
+
+use demosift::experiment::{InMemory, Run, sift};
+use demosift::observer::Silent;
+use demosift::point_mass::{PointMass, planted_set};
+use demosift::preset::Preset;
+use demosift::rollout::Playground;
+use demosift::seed::Seed;
+
+fn main() -> demosift::Result<()> {
+    // Where the demonstrations go, in degrees from the goal: the first is best, the last goes the opposite way.
+    let bearings = [0.0, 20.0, 60.0, 100.0, 140.0, 180.0];
+    let set = planted_set(&bearings, Seed::new(1))?;
+    let task = PointMass::new();
+    let mut config = Preset::Quick.config();
+    let sifted = sift(&mut Run {
+        set: &set,
+        playground: &Playground::new(&task),
+        config: &config,
+        ledger: &mut InMemory::default(),
+        observer: &mut Silent,
+    })?;
+    for entry in &sifted.ranking.entries {
+        println!("bearing {:5} gains {:+.2} m", bearings[entry.demo.0], entry.score);
+    }
+    println!("from the subset: {:?}", sifted.from_subset.outcome);
+    println!("from all: {:?}", sifted.from_all.outcome);
+    Ok(())
+}

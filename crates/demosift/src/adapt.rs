@@ -1,0 +1,254 @@
+//! Learning from one demonstration within a few updates, written once (Eq. 1; Algorithm 1 lines 7–9, Algorithm 2 lines 5–10).
+//!
+//! An update plays the policy, fits the discriminator to what it did and to what was demonstrated, and improves
+//! the policy on the discriminator's reward.
+//! Meta-training makes one such update per demonstration, judging makes a few, and imitation from scratch makes many.
+//!
+//! | Algorithm 2 | here |
+//! |---|---|
+//! | 3: θ_ij ← θ; 4: D_i ← D_meta | the [`Learner`] that is passed in |
+//! | 5: for iter = 0 to max_iter | [`adapt`] |
+//! | 6: sample K trajectories | [`rollout::play`] in [`adapt`] |
+//! | 7: update D_i | [`gail::fit`] in [`update`] |
+//! | 8: compute R_IL | [`gail::imitation_rewards`] in [`update`], with the *updated* discriminator |
+//! | 9: θ_ij ← θ_ij − α∇L_IL with TRPO | [`trpo::step`] in [`update`] |
+//!
+//! The discriminator keeps Adam's moments during an adaptation and starts each with none.
+
+use serde::{Deserialize, Serialize};
+
+use crate::advantage::{AdvantageEstimation, Rewarded, advantages};
+use crate::demonstration::DemonstrationSet;
+use crate::environment::EnvVariant;
+use crate::error::Result;
+use crate::gail::{self, Discriminator, Fitting};
+use crate::heuristic::Score;
+use crate::nn::adam::Adam;
+use crate::observation_filter::Moments;
+use crate::policy::{Policy, PolicyShape};
+use crate::rollout::{self, Acting, Playground};
+use crate::rows::Rows;
+use crate::seed::Seed;
+use crate::trajectory::Trajectory;
+use crate::trpo::{self, Experience, Step, StepEnd, TrustRegion};
+
+/// How one inner update is made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct InnerUpdate {
+    /// K: episodes that are played before an update; not in the paper.
+    pub trajectories: usize,
+    /// α per iteration, the last one from there on (A.2.1: 1, then 0.5; Handstand and Martial Arts 2, then 0.5).
+    pub alphas: Vec<f64>,
+    /// The trust region for α = 1 (A.2.1: KL 0.15).
+    pub trust_region: TrustRegion,
+    /// How the discriminator is fitted before the policy's step.
+    pub discriminator: Fitting,
+    /// How rewards become advantages.
+    pub advantage: AdvantageEstimation,
+}
+
+impl InnerUpdate {
+    /// α of an iteration.
+    pub fn alpha(&self, iteration: usize) -> f64 {
+        self.alphas.get(iteration).or(self.alphas.last()).copied().unwrap_or(1.0)
+    }
+}
+
+/// A policy with the discriminator that teaches it: θ with D_meta before, θ'_i with D'_i after an update.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Learner {
+    /// π_θ.
+    pub policy: Policy,
+    /// D.
+    pub discriminator: Discriminator,
+}
+
+/// θ and D_meta: the learner that meta-training returns, which adapts quickly to any demonstration.
+pub type MetaPrior = Learner;
+
+impl Learner {
+    /// A learner that knows nothing, behind the filter that all of the set's demonstrations share: the start of
+    /// meta-training and of imitation from scratch.
+    pub fn untrained(
+        set: &DemonstrationSet,
+        shape: &PolicyShape,
+        discriminator_hidden: &[usize],
+        seed: &Seed,
+    ) -> Self {
+        let mut moments = Moments::default();
+        set.iter().for_each(|(_, demonstration)| moments.add(demonstration.observations()));
+        let policy = Policy::untrained(shape, moments.filter(), set.action_size(), seed.of("policy"));
+        let pair_size = set.observation_size() + set.action_size();
+        let discriminator =
+            Discriminator::undecided(discriminator_hidden, pair_size, seed.of("discriminator"));
+        Self { policy, discriminator }
+    }
+
+    /// The pairs of each demonstration behind this learner's filter, in the order of the set.
+    pub fn demonstrated_pairs(&self, set: &DemonstrationSet) -> Vec<Rows> {
+        let filter = self.policy.filter();
+        set.iter().map(|(_, demonstration)| gail::demonstrated_pairs(demonstration, filter)).collect()
+    }
+}
+
+/// Episodes as learning sees them: filtered once, paired once, one after the other.
+#[derive(Clone, Debug)]
+pub struct Played {
+    /// Filtered observations on which actions were taken, `[N, obs]`.
+    pub observations: Rows,
+    /// Pairs for the discriminator, `[N, obs + act]`.
+    pub pairs: Rows,
+    /// The actions as drawn, `[N, act]`.
+    pub actions: Rows,
+    /// Steps of each episode; they sum to N.
+    pub lengths: Vec<usize>,
+    /// K of each episode.
+    pub scores: Vec<Score>,
+}
+
+/// What one update saw and did.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct UpdateReport {
+    /// Mean heuristic of the episodes played before the update.
+    pub score: Score,
+    /// The discriminator's loss in nats; 2 ln 2 where it knows nothing.
+    pub discriminator_loss: f64,
+    /// Share of pairs that the discriminator told right.
+    pub discriminator_accuracy: f64,
+    /// Mean of R_IL over the agent's pairs.
+    pub reward_mean: f64,
+    /// Standard deviation of R_IL over the agent's pairs: near 0, there is nothing to learn from.
+    pub reward_std: f64,
+    /// KL divergence that the step reached.
+    pub kl: f64,
+    /// How the step ended.
+    pub end: StepEnd,
+}
+
+/// θ'_i with what happened on the way.
+#[derive(Clone, Debug)]
+pub struct Adapted {
+    /// θ'_i and D_i.
+    pub learner: Learner,
+    /// One report an iteration: the adaptation curve.
+    pub curve: Vec<UpdateReport>,
+}
+
+/// Adapts a learner to demonstrated pairs for some iterations (Algorithm 2, lines 3–10).
+pub fn adapt(
+    learner: &Learner,
+    demonstrated: &[&Rows],
+    playground: &Playground<'_>,
+    variant: EnvVariant,
+    (inner, iterations): (&InnerUpdate, usize),
+    seed: &Seed,
+) -> Result<Adapted> {
+    let mut adam = Adam::new(learner.discriminator.parameters().len());
+    let mut adapted = Adapted { learner: learner.clone(), curve: Vec::with_capacity(iterations) };
+    for iteration in 0..iterations {
+        let seeds = seed.at(iteration).many(inner.trajectories);
+        let trajectories =
+            rollout::play(playground, &adapted.learner.policy, Acting::Sampled, variant, seeds)?;
+        let played = Played::new(playground, &adapted.learner.policy, &trajectories);
+        let alpha = inner.alpha(iteration);
+        let (learner, report) = update(&adapted.learner, &played, demonstrated, (inner, alpha), &mut adam)
+            .map_err(|error| error.during(&format!("adaptation, iteration {iteration}")))?;
+        adapted.learner = learner;
+        adapted.curve.push(report);
+    }
+    Ok(adapted)
+}
+
+/// One inner update (Eq. 1): θ, D → θ' = θ − α∇L_IL, D'.
+pub fn update(
+    learner: &Learner,
+    played: &Played,
+    demonstrated: &[&Rows],
+    (inner, alpha): (&InnerUpdate, f64),
+    adam: &mut Adam,
+) -> Result<(Learner, UpdateReport)> {
+    let (discriminator, fit) =
+        gail::fit(&learner.discriminator, &[&played.pairs], demonstrated, &inner.discriminator, adam)?;
+    let rewards = gail::imitation_rewards(&discriminator, &played.pairs);
+    let advantages = played.advantages(&rewards, &inner.advantage)?;
+    let step =
+        trpo::step(&played.experiences(&learner.policy, &advantages, 1.0), &inner.trust_region, alpha)?;
+    let policy = learner.policy.moved(&step.displacement);
+    let report = UpdateReport::new(played, fit, &rewards, &step);
+    Ok((Learner { policy, discriminator }, report))
+}
+
+/// Rows of one experience; a fixed number, so that the number of threads does not change a sum.
+const EXPERIENCE_ROWS: usize = 1000;
+
+impl Played {
+    /// Filters, pairs and scores what a policy did.
+    pub fn new(playground: &Playground<'_>, policy: &Policy, trajectories: &[Trajectory]) -> Self {
+        let lengths: Vec<usize> = trajectories.iter().map(Trajectory::steps).collect();
+        let total = lengths.iter().sum();
+        let mut observations = Rows::with_capacity(policy.filter().observation_size(), total);
+        let mut actions = Rows::with_capacity(policy.action_size(), total);
+        for played in trajectories {
+            observations.append(&policy.filter().apply_rows(played.observations(), played.steps()));
+            actions.append(played.actions());
+        }
+        Self {
+            pairs: gail::pairs(&observations, &actions),
+            scores: trajectories.iter().map(|played| playground.score(played)).collect(),
+            observations,
+            actions,
+            lengths,
+        }
+    }
+
+    /// Standardized advantages of rewards `[N]`, `[N]`.
+    pub fn advantages(&self, rewards: &[f32], estimation: &AdvantageEstimation) -> Result<Vec<f32>> {
+        let rewarded = Rewarded { observations: &self.observations, rewards, lengths: &self.lengths };
+        advantages(rewarded, estimation)
+    }
+
+    /// The episodes as experience of the policy that played them, with `weight` shared out by length.
+    pub fn experiences<'a>(
+        &'a self,
+        policy: &'a Policy,
+        advantages: &'a [f32],
+        weight: f64,
+    ) -> Vec<Experience<'a>> {
+        let observations = self.observations.flat().chunks(EXPERIENCE_ROWS * self.observations.width());
+        let actions = self.actions.flat().chunks(EXPERIENCE_ROWS * self.actions.width());
+        observations
+            .zip(actions)
+            .zip(advantages.chunks(EXPERIENCE_ROWS))
+            .map(|((observations, actions), chunk)| Experience {
+                policy,
+                observations,
+                actions,
+                advantages: chunk,
+                weight: weight * chunk.len() as f64 / advantages.len() as f64,
+            })
+            .collect()
+    }
+}
+
+impl UpdateReport {
+    fn new(played: &Played, fit: gail::FitReport, rewards: &[f32], step: &Step) -> Self {
+        let (reward_mean, reward_std) = mean_and_std(rewards.iter().map(|reward| f64::from(*reward)));
+        Self {
+            score: mean_and_std(played.scores.iter().copied()).0,
+            discriminator_loss: fit.loss,
+            discriminator_accuracy: fit.accuracy,
+            reward_mean,
+            reward_std,
+            kl: step.kl,
+            end: step.end,
+        }
+    }
+}
+
+fn mean_and_std(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
+    let count = values.clone().count().max(1) as f64;
+    let mean = values.clone().sum::<f64>() / count;
+    let variance = values.map(|value| (value - mean).powi(2)).sum::<f64>() / count;
+    (mean, variance.sqrt())
+}

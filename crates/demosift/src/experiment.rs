@@ -1,0 +1,277 @@
+//! The whole flow as one function: a noisy set goes in; a ranking, a subset and a better policy come out.
+//!
+//! Each arrow of the flow makes one noun, and a [`Ledger`] keeps the nouns: what a ledger already holds is not made
+//! again, and what was begun goes on from its last checkpoint to the identical result.
+
+use serde::{Deserialize, Serialize};
+
+use crate::adapt::{InnerUpdate, MetaPrior};
+use crate::artifact::{self, Artifact};
+use crate::demonstration::{DemoId, DemonstrationSet};
+use crate::environment::Specification;
+use crate::error::{Error, Result};
+use crate::imitate::{self, Imitation, ImitationState, LearningCurve};
+use crate::judge::{self, Judging, ScoreTable};
+use crate::meta_train::{self, MetaState, MetaTraining};
+use crate::observer::{Event, Observer, Snapshot};
+use crate::policy::PolicyShape;
+use crate::rollout::Playground;
+use crate::seed::Seed;
+use crate::select::{self, Ranking, Subset};
+
+/// Everything that a run depends on, besides the demonstrations and the task.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// The root of all random numbers.
+    pub seed: u64,
+    /// K of the top K to keep; 0 keeps a quarter of the set, rounded up.
+    pub keep: usize,
+    /// The policy's shape, in meta-training and from scratch.
+    pub policy: PolicyShape,
+    /// The inner update, in meta-training and in judging.
+    pub inner: InnerUpdate,
+    /// Meta-training.
+    pub meta_train: MetaTraining,
+    /// Judging.
+    pub judge: Judging,
+    /// Imitation from scratch.
+    pub imitate: Imitation,
+}
+
+/// Keeps nouns and checkpoints by name; the run folder is one.
+pub trait Ledger {
+    /// What was kept under a name, if anything.
+    fn recall(&self, name: &str) -> Result<Option<Vec<u8>>>;
+    /// Keeps bytes under a name, whole or not at all.
+    fn keep(&mut self, name: &str, bytes: &[u8]) -> Result<()>;
+    /// Forgets what was kept under a name.
+    fn forget(&mut self, name: &str) -> Result<()>;
+}
+
+/// A ledger that lasts as long as the process.
+#[derive(Debug, Default)]
+pub struct InMemory(std::collections::BTreeMap<String, Vec<u8>>);
+
+impl Ledger for InMemory {
+    fn recall(&self, name: &str) -> Result<Option<Vec<u8>>> {
+        Ok(self.0.get(name).cloned())
+    }
+
+    fn keep(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+        self.0.insert(name.to_owned(), bytes.to_vec());
+        Ok(())
+    }
+
+    fn forget(&mut self, name: &str) -> Result<()> {
+        self.0.remove(name);
+        Ok(())
+    }
+}
+
+/// What a run is about, and where it keeps and tells what it finds.
+pub struct Run<'a> {
+    /// V.
+    pub set: &'a DemonstrationSet,
+    /// The task at play.
+    pub playground: &'a Playground<'a>,
+    /// How.
+    pub config: &'a Config,
+    /// Keeps the nouns.
+    pub ledger: &'a mut dyn Ledger,
+    /// Hears of progress.
+    pub observer: &'a mut dyn Observer,
+}
+
+/// What comes out of the whole flow.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sifted {
+    /// S of every demonstration.
+    pub scores: ScoreTable,
+    /// From the most to the least suitable.
+    pub ranking: Ranking,
+    /// What was kept.
+    pub subset: Subset,
+    /// Imitation from scratch of the subset.
+    pub from_subset: LearningCurve,
+    /// Imitation from scratch of the whole set, with as many environment steps.
+    pub from_all: LearningCurve,
+}
+
+/// The whole job.
+pub fn sift(run: &mut Run<'_>) -> Result<Sifted> {
+    check(run.set, run.playground.specification(), run.config)?;
+    let prior = prior(run)?;
+    let scores = scores(run, &prior)?;
+    let (ranking, subset) = selection(run, &scores)?;
+    let from_subset = learning_curve(run, "subset", &subset.demos)?;
+    let from_all = learning_curve(run, "all", &run.set.ids())?;
+    Ok(Sifted { scores, ranking, subset, from_subset, from_all })
+}
+
+/// Whether set, task and configuration fit each other; the error says what would.
+pub fn check(set: &DemonstrationSet, task: &Specification, config: &Config) -> Result<()> {
+    let sizes = [
+        ("observation", set.observation_size(), task.observation_size),
+        ("action", set.action_size(), task.action_size),
+    ];
+    for (what, found, wanted) in sizes {
+        if found != wanted {
+            return Err(Error::bad_input(format!(
+                "the demonstrations have {found} numbers in an {what}, but the task '{}' has {wanted}",
+                task.name
+            ))
+            .with_hint("check that the set was recorded in this task"));
+        }
+    }
+    let counts = [
+        ("inner.trajectories", config.inner.trajectories),
+        ("inner.discriminator.steps", config.inner.discriminator.steps),
+        ("meta_train.meta_batch", config.meta_train.meta_batch),
+        ("judge.iterations", config.judge.iterations),
+        ("judge.evaluations", config.judge.evaluations),
+        ("judge.repeats", config.judge.repeats),
+        ("imitate.update.trajectories", config.imitate.update.trajectories),
+        ("imitate.update.discriminator.steps", config.imitate.update.discriminator.steps),
+        ("imitate.evaluations", config.imitate.evaluations),
+    ];
+    for (name, count) in counts {
+        if count == 0 {
+            return Err(Error::bad_config(format!("{name} = 0, and must be at least 1")));
+        }
+    }
+    if config.keep > set.len() {
+        return Err(Error::bad_config(format!(
+            "keep = {}, and must be from 1 to the {} demonstrations there are",
+            config.keep,
+            set.len()
+        )));
+    }
+    Ok(())
+}
+
+/// DemonstrationSet → MetaPrior.
+pub fn prior(run: &mut Run<'_>) -> Result<MetaPrior> {
+    let Run { set, playground, config, ledger, observer } = run;
+    if let Some(prior) = Artifact::recall(*ledger, "")? {
+        return Ok(prior);
+    }
+    let seed = Seed::new(config.seed).of("meta_train");
+    let start = || {
+        let hidden = &config.meta_train.discriminator_hidden;
+        Ok(MetaState::start(set, &config.policy, hidden, &seed.of("start")))
+    };
+    let (state, mut keeping) = Keeping::begin(*ledger, *observer, meta_train::STAGE, "", start)?;
+    let learning = (&config.meta_train, &config.inner);
+    let prior = meta_train::meta_train(set, playground, learning, state, &seed, &mut keeping)?;
+    keeping.finish("", &prior)?;
+    Ok(prior)
+}
+
+/// MetaPrior → ScoreTable.
+pub fn scores(run: &mut Run<'_>, prior: &MetaPrior) -> Result<ScoreTable> {
+    let Run { set, playground, config, ledger, observer } = run;
+    if let Some(table) = Artifact::recall(*ledger, "")? {
+        return Ok(table);
+    }
+    let start = || Ok(ScoreTable::default());
+    let (table, mut keeping) = Keeping::begin(*ledger, *observer, judge::STAGE, "", start)?;
+    let seed = Seed::new(config.seed).of("judge");
+    let judging = (&config.judge, &config.inner);
+    let table = judge::judge(prior, set, playground, judging, table, (&seed, &mut keeping))?;
+    keeping.finish("", &table)?;
+    Ok(table)
+}
+
+/// ScoreTable → Ranking, Subset.
+pub fn selection(run: &mut Run<'_>, scores: &ScoreTable) -> Result<(Ranking, Subset)> {
+    let ranking = select::rank(scores);
+    let keep = if run.config.keep == 0 { run.set.len().div_ceil(4) } else { run.config.keep };
+    let subset = select::top_k(&ranking, keep)?;
+    ranking.keep(run.ledger, "")?;
+    subset.keep(run.ledger, "")?;
+    Ok((ranking, subset))
+}
+
+/// Subset → LearningCurve; `part` names it among others, such as `subset` or `all`.
+///
+/// Every part starts from the same policy and plays with the same random numbers.
+pub fn learning_curve(run: &mut Run<'_>, part: &str, demos: &[DemoId]) -> Result<LearningCurve> {
+    let seed = Seed::new(run.config.seed).of("imitate");
+    learning_curve_with(run, part, demos, &seed)
+}
+
+/// The oracle (from scratch on one demonstration alone) with a seed of its own, which no other stage shares.
+pub fn oracle(run: &mut Run<'_>, demo: DemoId, repeat: usize) -> Result<LearningCurve> {
+    let seed = Seed::new(run.config.seed).of("oracle").at(repeat);
+    learning_curve_with(run, &format!("oracle_{demo}_{repeat}"), &[demo], &seed)
+}
+
+fn learning_curve_with(
+    run: &mut Run<'_>,
+    part: &str,
+    demos: &[DemoId],
+    seed: &Seed,
+) -> Result<LearningCurve> {
+    let Run { set, playground, config, ledger, observer } = run;
+    if let Some(curve) = LearningCurve::recall(*ledger, part)?
+        && curve.demos == demos
+    {
+        return Ok(curve);
+    }
+    let imitation = &config.imitate;
+    let start = || {
+        let hidden = &imitation.discriminator_hidden;
+        Ok(ImitationState::start(set, &config.policy, hidden, &seed.of("start")))
+    };
+    let (state, mut keeping) = Keeping::begin(*ledger, *observer, imitate::STAGE, part, start)?;
+    let curve = imitate::imitate((set, demos), playground, imitation, state, seed, (part, &mut keeping))?;
+    keeping.finish(part, &curve)?;
+    Ok(curve)
+}
+
+/// Passes events on, and writes the checkpoints among them into the ledger.
+pub struct Keeping<'a> {
+    ledger: &'a mut dyn Ledger,
+    observer: &'a mut dyn Observer,
+    checkpoint: String,
+    failed: Option<Error>,
+}
+
+impl<'a> Keeping<'a> {
+    /// The state of a stage: that of its last checkpoint, or a new one.
+    pub fn begin<State: Snapshot + serde::de::DeserializeOwned>(
+        ledger: &'a mut dyn Ledger,
+        observer: &'a mut dyn Observer,
+        stage: &str,
+        part: &str,
+        start: impl FnOnce() -> Result<State>,
+    ) -> Result<(State, Self)> {
+        let checkpoint = artifact::checkpoint_name(stage, part);
+        let state = match ledger.recall(&checkpoint)? {
+            Some(bytes) => artifact::read_checkpoint(&bytes, &checkpoint)?,
+            None => start()?,
+        };
+        Ok((state, Self { ledger, observer, checkpoint, failed: None }))
+    }
+
+    /// Keeps the finished noun and forgets the checkpoint.
+    pub fn finish(self, part: &str, noun: &impl Artifact) -> Result<()> {
+        if let Some(error) = self.failed {
+            return Err(error);
+        }
+        noun.keep(self.ledger, part)?;
+        self.ledger.forget(&self.checkpoint)
+    }
+}
+
+impl Observer for Keeping<'_> {
+    fn on(&mut self, event: Event<'_>) {
+        if let Event::Checkpoint { state, .. } = &event
+            && let Err(error) = self.ledger.keep(&self.checkpoint, &artifact::write_checkpoint(*state))
+        {
+            self.failed.get_or_insert(error);
+        }
+        self.observer.on(event);
+    }
+}

@@ -1,0 +1,210 @@
+//! Imitation from scratch on a subset (§5.2): GAIL with TRPO, the learning curve of the heuristic, the best policy kept.
+//!
+//! This is how a selection proves itself, and on one demonstration alone with the full budget it is the oracle that
+//! rankings are compared with.
+
+use serde::{Deserialize, Serialize};
+
+use crate::adapt::{self, InnerUpdate, Learner, Played};
+use crate::demonstration::{DemoId, DemonstrationSet};
+use crate::environment::EnvVariant;
+use crate::error::{Error, Result};
+use crate::gail;
+use crate::heuristic::Score;
+use crate::nn::adam::Adam;
+use crate::observer::{Event, Observer};
+use crate::policy::{Policy, PolicyShape};
+use crate::rollout::{self, Acting, Playground};
+use crate::rows::Rows;
+use crate::seed::Seed;
+use crate::trajectory::Trajectory;
+
+/// How a policy imitates a subset from scratch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Imitation {
+    /// Environment steps to learn from; evaluation comes on top. Equal for whatever is compared.
+    pub environment_steps: usize,
+    /// The update, with the number of episodes played before each.
+    pub update: InnerUpdate,
+    /// Widths of the discriminator's hidden layers (Table 3: 100, 100).
+    pub discriminator_hidden: Vec<usize>,
+    /// Updates between two evaluations.
+    pub evaluate_every: usize,
+    /// Episodes of an evaluation.
+    pub evaluations: usize,
+    /// How the policy acts when it is evaluated.
+    pub acting: Acting,
+    /// Updates between two checkpoints.
+    pub checkpoint_every: usize,
+}
+
+/// How a policy came along: the learning curve and the best policy on it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LearningCurve {
+    /// What was imitated.
+    pub demos: Vec<DemoId>,
+    /// Evaluations in order.
+    pub points: Vec<CurvePoint>,
+    /// The best policy on episodes that did not choose it.
+    pub outcome: CurvePoint,
+    /// The policy with the best score among the points.
+    pub best: Policy,
+}
+
+/// One evaluation.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CurvePoint {
+    /// Environment steps learned from so far.
+    pub environment_steps: usize,
+    /// Mean heuristic.
+    pub score: Score,
+    /// Share of episodes that reached the goal, where the task says.
+    pub success: Option<f64>,
+}
+
+/// Where an imitation stands; from here it goes on to the identical result.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ImitationState {
+    updates: usize,
+    environment_steps: usize,
+    learner: Learner,
+    adam: Adam,
+    points: Vec<CurvePoint>,
+    best: Policy,
+}
+
+/// Name of the stage in events.
+pub const STAGE: &str = "imitate";
+
+impl ImitationState {
+    /// A learner that knows nothing.
+    pub fn start(set: &DemonstrationSet, shape: &PolicyShape, hidden: &[usize], seed: &Seed) -> Self {
+        let learner = Learner::untrained(set, shape, hidden, seed);
+        Self {
+            updates: 0,
+            environment_steps: 0,
+            adam: Adam::new(learner.discriminator.parameters().len()),
+            points: Vec::new(),
+            best: learner.policy.clone(),
+            learner,
+        }
+    }
+}
+
+/// Imitates the demonstrations `demos` of a set from scratch; `part` names this imitation among others in events.
+pub fn imitate(
+    (set, demos): (&DemonstrationSet, &[DemoId]),
+    playground: &Playground<'_>,
+    imitation: &Imitation,
+    mut state: ImitationState,
+    seed: &Seed,
+    (part, observer): (&str, &mut dyn Observer),
+) -> Result<LearningCurve> {
+    if demos.is_empty() {
+        return Err(Error::bad_input("nothing to imitate: the subset is empty"));
+    }
+    let filter = state.learner.policy.filter().clone();
+    let pairs: Vec<Rows> =
+        demos.iter().map(|demo| gail::demonstrated_pairs(set.get(*demo), &filter)).collect();
+    let demonstrated: Vec<&Rows> = pairs.iter().collect();
+    let total = imitation.environment_steps;
+    observer.on(Event::Started { stage: STAGE, done: state.environment_steps.min(total), total });
+    while state.environment_steps < total {
+        if state.updates.is_multiple_of(imitation.evaluate_every.max(1)) {
+            evaluate(&mut state, playground, imitation, (seed, part, observer))?;
+        }
+        improve(&mut state, &demonstrated, playground, imitation, (seed, part, observer))
+            .map_err(|error| error.during(&format!("imitation, update {}", state.updates)))?;
+        observer.on(Event::Advanced { stage: STAGE, done: state.environment_steps.min(total) });
+        if state.updates.is_multiple_of(imitation.checkpoint_every.max(1)) {
+            observer.on(Event::Checkpoint { stage: STAGE, part, state: &state });
+        }
+    }
+    evaluate(&mut state, playground, imitation, (seed, part, observer))?;
+    let outcome = point(&state, &state.best, playground, imitation, &seed.of("outcome"))?;
+    Ok(LearningCurve { demos: demos.to_vec(), points: state.points, outcome, best: state.best })
+}
+
+/// Plays and makes one update; variants take turns.
+fn improve(
+    state: &mut ImitationState,
+    demonstrated: &[&Rows],
+    playground: &Playground<'_>,
+    imitation: &Imitation,
+    (seed, part, observer): (&Seed, &str, &mut dyn Observer),
+) -> Result<()> {
+    let variant = EnvVariant(state.updates % playground.specification().variants.len());
+    let seeds = seed.of("play").at(state.updates).many(imitation.update.trajectories);
+    let policy = &state.learner.policy;
+    let trajectories = rollout::play(playground, policy, Acting::Sampled, variant, seeds)?;
+    let played = Played::new(playground, policy, &trajectories);
+    let alpha = imitation.update.alpha(state.updates);
+    let (learner, report) =
+        adapt::update(&state.learner, &played, demonstrated, (&imitation.update, alpha), &mut state.adam)?;
+    state.learner = learner;
+    state.updates += 1;
+    state.environment_steps += trajectories.iter().map(Trajectory::steps).sum::<usize>();
+    observer.on(Event::Measured {
+        stage: "imitate_update",
+        part,
+        iteration: state.updates,
+        numbers: &[
+            ("environment_steps", state.environment_steps as f64),
+            ("score", report.score),
+            ("discriminator_loss", report.discriminator_loss),
+            ("discriminator_accuracy", report.discriminator_accuracy),
+            ("reward_mean", report.reward_mean),
+            ("reward_std", report.reward_std),
+            ("kl", report.kl),
+        ],
+    });
+    Ok(())
+}
+
+/// Adds a point to the curve and keeps the policy if it is the best so far.
+fn evaluate(
+    state: &mut ImitationState,
+    playground: &Playground<'_>,
+    imitation: &Imitation,
+    (seed, part, observer): (&Seed, &str, &mut dyn Observer),
+) -> Result<()> {
+    let found = point(state, &state.learner.policy, playground, imitation, &seed.of("evaluate"))?;
+    let best = state.points.iter().map(|point| point.score).fold(f64::NEG_INFINITY, f64::max);
+    if found.score > best {
+        state.best = state.learner.policy.clone();
+    }
+    state.points.push(found);
+    observer.on(Event::Measured {
+        stage: STAGE,
+        part,
+        iteration: state.updates,
+        numbers: &[
+            ("environment_steps", found.environment_steps as f64),
+            ("score", found.score),
+            ("success", found.success.unwrap_or(f64::NAN)),
+        ],
+    });
+    Ok(())
+}
+
+/// Mean heuristic and success of a policy, over all variants.
+fn point(
+    state: &ImitationState,
+    policy: &Policy,
+    playground: &Playground<'_>,
+    imitation: &Imitation,
+    seed: &Seed,
+) -> Result<CurvePoint> {
+    let mut trajectories = Vec::new();
+    for variant in playground.specification().variant_ids() {
+        let seeds = seed.at(variant.0).many(imitation.evaluations);
+        trajectories.extend(rollout::play(playground, policy, imitation.acting, variant, seeds)?);
+    }
+    let scores = trajectories.iter().map(|played| playground.score(played)).sum::<f64>();
+    Ok(CurvePoint {
+        environment_steps: state.environment_steps,
+        score: scores / trajectories.len() as f64,
+        success: playground.success_rate(&trajectories),
+    })
+}

@@ -1,0 +1,124 @@
+//! Selecting demonstrations (§4.3 Eq. 9, §4.4, §5.2): a ranking by suitability, and its top K.
+
+use serde::{Deserialize, Serialize};
+
+use crate::demonstration::DemoId;
+use crate::environment::EnvVariant;
+use crate::error::{Error, Result};
+use crate::heuristic::Score;
+use crate::judge::ScoreTable;
+
+/// Demonstrations from the most to the least suitable.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Ranking {
+    /// The most suitable first.
+    pub entries: Vec<Ranked>,
+}
+
+/// One place of a ranking.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Ranked {
+    /// v_i.
+    pub demo: DemoId,
+    /// Mean K of the meta-parameters.
+    pub before: Score,
+    /// Mean K after adapting.
+    pub after: Score,
+    /// S (Eq. 8): how much better imitating it made the agent; the mean over variants where all are ranked together.
+    pub score: Score,
+}
+
+/// Which demonstrations to learn from, ordered by rank.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Subset {
+    /// The chosen demonstrations, the most suitable first.
+    pub demos: Vec<DemoId>,
+}
+
+/// The ranking over all variants by mean suitability (Eq. 9 for a single variant); ties by id.
+pub fn rank(table: &ScoreTable) -> Ranking {
+    rank_where(table, |_| true)
+}
+
+/// The ranking under one variant e_j (Eq. 9); ties by id.
+pub fn rank_under(table: &ScoreTable, variant: EnvVariant) -> Ranking {
+    rank_where(table, |of| of == variant)
+}
+
+fn rank_where(table: &ScoreTable, counts: impl Fn(EnvVariant) -> bool) -> Ranking {
+    let mut demos: Vec<DemoId> = table.suitabilities.iter().map(|suitability| suitability.demo).collect();
+    demos.sort_unstable();
+    demos.dedup();
+    let mut entries: Vec<Ranked> = demos.into_iter().filter_map(|demo| entry(table, demo, &counts)).collect();
+    entries.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.demo.cmp(&b.demo)));
+    Ranking { entries }
+}
+
+fn entry(table: &ScoreTable, demo: DemoId, counts: &impl Fn(EnvVariant) -> bool) -> Option<Ranked> {
+    let of_demo: Vec<_> =
+        table.suitabilities.iter().filter(|s| s.demo == demo && counts(s.variant)).collect();
+    let count = of_demo.len() as f64;
+    (!of_demo.is_empty()).then(|| Ranked {
+        demo,
+        before: of_demo.iter().map(|s| s.mean_before()).sum::<f64>() / count,
+        after: of_demo.iter().map(|s| s.mean_after()).sum::<f64>() / count,
+        score: of_demo.iter().map(|s| s.score()).sum::<f64>() / count,
+    })
+}
+
+/// The first K of a ranking (§5.2).
+pub fn top_k(ranking: &Ranking, k: usize) -> Result<Subset> {
+    let count = ranking.entries.len();
+    if k == 0 || k > count {
+        return Err(Error::bad_config(format!(
+            "keep = {k}, and must be from 1 to the {count} demonstrations there are"
+        )));
+    }
+    Ok(Subset { demos: ranking.entries.iter().take(k).map(|entry| entry.demo).collect() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::judge::Suitability;
+
+    fn table(scores: &[(usize, usize, f64)]) -> ScoreTable {
+        let suitability = |&(variant, demo, after): &(usize, usize, f64)| Suitability {
+            demo: DemoId(demo),
+            variant: EnvVariant(variant),
+            before: vec![1.0, 3.0],
+            after: vec![vec![after, after], vec![after, after]],
+            curves: Vec::new(),
+        };
+        ScoreTable { suitabilities: scores.iter().map(suitability).collect() }
+    }
+
+    fn order(ranking: &Ranking) -> Vec<usize> {
+        ranking.entries.iter().map(|entry| entry.demo.0).collect()
+    }
+
+    #[test]
+    fn eq_8_is_the_mean_after_less_the_mean_before() {
+        assert_eq!(table(&[(0, 0, 7.0)]).suitabilities[0].score(), 5.0);
+    }
+
+    #[test]
+    fn eq_9_ranks_by_score_per_variant_and_ties_by_id() {
+        let table = table(&[(0, 0, 1.0), (0, 1, 5.0), (0, 2, 5.0), (1, 0, 9.0), (1, 1, 0.0), (1, 2, 0.5)]);
+        assert_eq!(order(&rank_under(&table, EnvVariant(0))), [1, 2, 0]);
+        assert_eq!(order(&rank_under(&table, EnvVariant(1))), [0, 2, 1]);
+        assert_eq!(order(&rank(&table)), [0, 2, 1]);
+    }
+
+    #[test]
+    fn the_top_k_are_among_the_top_k_plus_one() {
+        let ranking = rank(&table(&[(0, 0, 1.0), (0, 1, 5.0), (0, 2, 3.0), (0, 3, -1.0)]));
+        for k in 1..4 {
+            let (fewer, more) =
+                (top_k(&ranking, k).expect("in range"), top_k(&ranking, k + 1).expect("in range"));
+            assert!(fewer.demos.iter().all(|demo| more.demos.contains(demo)));
+        }
+        assert!(top_k(&ranking, 0).expect_err("out of range").is_bad_config());
+        assert!(top_k(&ranking, 5).expect_err("out of range").is_bad_config());
+    }
+}
