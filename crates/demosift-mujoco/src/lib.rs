@@ -76,3 +76,4 @@ pub mod render;
 mod reset;
 pub mod reward;
 mod task_file;
+mod tasks;
