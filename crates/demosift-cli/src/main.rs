@@ -1,2 +1,43 @@
-//! The demosift command.
-fn main() {}
+//! The `demosift` command: which demonstrations should your agent learn from?
+
+mod arguments;
+mod commands;
+mod configuration;
+mod job;
+mod metrics_file;
+mod run_folder;
+mod tables;
+mod task;
+mod terminal;
+
+use std::process::ExitCode;
+
+use clap::Parser as _;
+use demosift::Error;
+
+/// The user can mend it: wrong data, arguments or configuration, a full disk.
+const USER_MISTAKE: u8 = 2;
+/// The run went wrong.
+const FAILURE: u8 = 1;
+
+fn main() -> ExitCode {
+    let typed = match arguments::Demosift::try_parse() {
+        Ok(typed) => typed,
+        Err(error) => {
+            // Help and version are asked for, everything else is a mistake; clap knows where each is printed.
+            let code = if error.use_stderr() { USER_MISTAKE } else { 0 };
+            return if error.print().is_ok() { ExitCode::from(code) } else { ExitCode::from(FAILURE) };
+        }
+    };
+    match commands::run(typed.command) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            terminal::complain(&error);
+            ExitCode::from(exit_code(&error))
+        }
+    }
+}
+
+fn exit_code(error: &Error) -> u8 {
+    if error.is_bad_input() || error.is_bad_config() || error.is_io() { USER_MISTAKE } else { FAILURE }
+}

@@ -1,8 +1,10 @@
-//! Writing a file whole or not at all.
+//! Writing a file whole or not at all, and telling whether a file is still the same.
 
 use std::fs;
-use std::io::Write as _;
+use std::io::{ErrorKind, Read as _, Write as _};
 use std::path::{Path, PathBuf};
+
+use sha2::{Digest as _, Sha256};
 
 use crate::error::{Error, Result};
 
@@ -18,8 +20,35 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     written.map_err(|source| {
         // The first error is the one to tell; a leftover that cannot be removed is overwritten by the next attempt.
         let _ = fs::remove_file(&partial);
-        Error::io("cannot write", path, &source)
+        let error = Error::io("cannot write", path, &source);
+        match source.kind() {
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
+                error.with_hint("free some space on that disk")
+            }
+            _ => error,
+        }
     })
+}
+
+/// SHA-256 of the files, one after the other, as hexadecimal digits.
+///
+/// # Errors
+/// `is_io` if one cannot be read.
+pub fn sha256(paths: &[PathBuf]) -> Result<String> {
+    let mut hash = Sha256::new();
+    for path in paths {
+        let failed = |source: std::io::Error| Error::io("cannot read", path, &source);
+        let mut file = fs::File::open(path).map_err(failed)?;
+        let mut block = vec![0; 1 << 16];
+        loop {
+            let len = file.read(&mut block).map_err(failed)?;
+            if len == 0 {
+                break;
+            }
+            hash.update(&block[..len]);
+        }
+    }
+    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
 /// Where the bytes wait until they are complete: the same folder, since a rename does not cross file systems.
@@ -35,6 +64,20 @@ fn partial_path(path: &Path) -> Result<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The digest of "abc" in FIPS 180-2, appendix B.1.
+    #[test]
+    fn sha256_agrees_with_its_standard() {
+        let folder = std::env::temp_dir().join(format!("demosift-sha256-{}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        let paths = [folder.join("1"), folder.join("2")];
+        fs::write(&paths[0], b"a").unwrap();
+        fs::write(&paths[1], b"bc").unwrap();
+        let wanted = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!(sha256(&paths).unwrap(), wanted);
+        assert!(sha256(&[folder.join("3")]).unwrap_err().is_io());
+        fs::remove_dir_all(&folder).unwrap();
+    }
 
     #[test]
     fn a_failed_write_leaves_the_old_file_and_nothing_else() {

@@ -5,6 +5,11 @@ pub fn spearman(left: &[f64], right: &[f64]) -> f64 {
     pearson(&ranks(left), &ranks(right))
 }
 
+/// The mean of some values; NaN if there are none.
+pub fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
 fn ranks(values: &[f64]) -> Vec<f64> {
     let mean_rank = |value: &f64| {
         let below = values.iter().filter(|other| *other < value).count();
@@ -15,7 +20,6 @@ fn ranks(values: &[f64]) -> Vec<f64> {
 }
 
 fn pearson(left: &[f64], right: &[f64]) -> f64 {
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
     let (left_mean, right_mean) = (mean(left), mean(right));
     let product = |a: &[f64], a_mean: f64, b: &[f64], b_mean: f64| -> f64 {
         a.iter().zip(b).map(|(a, b)| (a - a_mean) * (b - b_mean)).sum()

@@ -1,0 +1,36 @@
+//! The subcommands: each brings a run folder up to its noun and shows it.
+
+mod imitate;
+mod judge;
+mod meta_train;
+mod oracle;
+mod record;
+mod select;
+mod sift;
+mod tasks;
+
+use demosift::Result;
+
+use crate::arguments::Command;
+use crate::run_folder::RunFolder;
+
+pub(crate) fn run(command: Command) -> Result<()> {
+    match command {
+        Command::Sift(arguments) => sift::run(&arguments),
+        Command::Record(arguments) => record::run(&arguments),
+        Command::MetaTrain(arguments) => meta_train::run(&arguments),
+        Command::Judge(arguments) => judge::run(&arguments),
+        Command::Select(arguments) => select::run(&arguments),
+        Command::Imitate(arguments) => imitate::run(&arguments),
+        Command::Oracle(arguments) => oracle::run(&arguments),
+        Command::Tasks(arguments) => {
+            tasks::run(&arguments);
+            Ok(())
+        }
+    }
+}
+
+/// Where everything is kept, as the last line of a result.
+fn kept_in(folder: &RunFolder) -> String {
+    format!("\nRun folder: {}\n", folder.path().display())
+}

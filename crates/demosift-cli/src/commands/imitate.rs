@@ -1,0 +1,79 @@
+//! `demosift imitate`: Subset → LearningCurve.
+
+use demosift::demonstration::{DemoId, DemonstrationSet};
+use demosift::experiment;
+use demosift::{Error, Result};
+use serde_json::json;
+
+use super::{kept_in, select};
+use crate::arguments::ImitateArguments;
+use crate::job::Job;
+use crate::{tables, terminal};
+
+pub(crate) fn run(arguments: &ImitateArguments) -> Result<()> {
+    let mut job = Job::open(&arguments.job)?;
+    let json = arguments.job.run.json;
+    if arguments.demonstration_ids.is_empty() {
+        compare(&mut job, json)
+    } else {
+        let demos = named(&arguments.demonstration_ids, job.set())?;
+        imitate_named(&mut job, &demos, json)
+    }
+}
+
+/// The selected subset beside the whole set.
+fn compare(job: &mut Job, json: bool) -> Result<()> {
+    let ids = job.set().ids();
+    let (from_subset, from_all) = job.run(|run| {
+        let (_, subset) = select::selection(run)?;
+        let from_subset = experiment::learning_curve(run, "subset", &subset.demos)?;
+        Ok((from_subset, experiment::learning_curve(run, "all", &ids)?))
+    })?;
+    if json {
+        terminal::show_json(&json!({
+            "kept": from_subset.demos,
+            "from_subset": from_subset.outcome,
+            "from_all": from_all.outcome,
+            "unit": job.unit(),
+            "run_folder": job.folder().path(),
+        }));
+        return Ok(());
+    }
+    terminal::show(&tables::comparison(job.set(), &from_subset, &from_all, job.unit()));
+    terminal::show(&kept_in(job.folder()));
+    Ok(())
+}
+
+fn imitate_named(job: &mut Job, demos: &[DemoId], json: bool) -> Result<()> {
+    let part = demos.iter().fold("demonstrations".to_owned(), |name, demo| format!("{name}_{demo}"));
+    let curve = job.run(|run| experiment::learning_curve(run, &part, demos))?;
+    if json {
+        terminal::show_json(&json!({
+            "demonstrations": demos,
+            "outcome": curve.outcome,
+            "unit": job.unit(),
+            "run_folder": job.folder().path(),
+        }));
+        return Ok(());
+    }
+    terminal::show(&tables::policies(
+        &[(format!("demonstrations {}", tables::list(demos)), &curve)],
+        job.unit(),
+    ));
+    terminal::show(&kept_in(job.folder()));
+    Ok(())
+}
+
+/// The ids in ascending order, each once.
+fn named(ids: &[usize], set: &DemonstrationSet) -> Result<Vec<DemoId>> {
+    if let Some(id) = ids.iter().find(|id| **id >= set.len()) {
+        return Err(Error::bad_input(format!(
+            "--demonstration-ids {id}: the demonstrations of this set are 0 to {}",
+            set.len() - 1
+        )));
+    }
+    let mut demos: Vec<DemoId> = ids.iter().copied().map(DemoId).collect();
+    demos.sort_unstable();
+    demos.dedup();
+    Ok(demos)
+}

@@ -1,0 +1,187 @@
+//! Arguments as typed become a job: everything is read and checked before the run folder is touched.
+
+use std::path::{Path, PathBuf};
+
+use demosift::demonstration::{DemonstrationSet, d4rl};
+use demosift::environment::Task;
+use demosift::experiment::{self, Config, Run};
+use demosift::preset::Preset;
+use demosift::rollout::Playground;
+use demosift::{Error, Result, files};
+use toml::Table;
+
+use crate::arguments::{JobArguments, RunArguments};
+use crate::configuration::{self, Layer};
+use crate::metrics_file::MetricsFile;
+use crate::run_folder::{self, Begun, Data, Identity, RunFolder};
+use crate::task::{self, Chosen};
+use crate::terminal::Progress;
+
+/// The file of a set that is given as a folder.
+pub(crate) const SET_FILE: &str = "demonstrations.hdf5";
+
+/// A set, a task and a configuration that fit each other, with the run folder that keeps what comes of them.
+pub(crate) struct Job {
+    set: DemonstrationSet,
+    task: Box<dyn Task>,
+    config: Config,
+    folder: RunFolder,
+    progress: Progress,
+}
+
+impl Job {
+    /// Reads and checks everything, then begins the run or goes on with it.
+    pub(crate) fn open(arguments: &JobArguments) -> Result<Self> {
+        use_threads(arguments.run.threads)?;
+        let plan = Plan::of(&arguments.run)?;
+        let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
+        let path =
+            set_file(arguments.demonstrations.as_deref().or(recorded.map(|data| data.path.as_path())))?;
+        let set = d4rl::read(&path)?;
+        let data = Data { sha256: files::sha256(std::slice::from_ref(&path))?, path: absolute(&path)? };
+        let mut values = plan.values.clone();
+        if let Some(keep) = arguments.keep {
+            check_keep(keep, &set)?;
+            configuration::apply(&mut values, &Layer::from_option("--keep", "keep", keep as u64)?)?;
+        }
+        let values = configuration::of_job(values);
+        let config: Config = configuration::typed(values.clone())?;
+        experiment::check(&set, plan.chosen.task.specification(), &config)
+            .map_err(|error| error.at(&path))?;
+        let folder = plan.open_folder(Some(data), &values)?;
+        let progress = Progress::new(MetricsFile::open(folder.path())?);
+        Ok(Self { set, task: plan.chosen.task, config, folder, progress })
+    }
+
+    /// Does a part of the job.
+    pub(crate) fn run<T>(&mut self, work: impl FnOnce(&mut Run<'_>) -> Result<T>) -> Result<T> {
+        let playground = Playground::new(self.task.as_ref());
+        let outcome = work(&mut Run {
+            set: &self.set,
+            playground: &playground,
+            config: &self.config,
+            ledger: &mut self.folder,
+            observer: &mut self.progress,
+        });
+        let told = self.progress.finish();
+        let outcome = outcome?;
+        told?;
+        Ok(outcome)
+    }
+
+    pub(crate) fn set(&self) -> &DemonstrationSet {
+        &self.set
+    }
+
+    pub(crate) fn unit(&self) -> &str {
+        self.task.heuristic().unit()
+    }
+
+    pub(crate) fn folder(&self) -> &RunFolder {
+        &self.folder
+    }
+}
+
+/// What a run is about, before its data is read and its folder is touched.
+pub(crate) struct Plan {
+    pub(crate) chosen: Chosen,
+    /// Of all layers but the options that a subcommand has for itself.
+    pub(crate) values: Table,
+    pub(crate) begun: Option<Begun>,
+    out: PathBuf,
+}
+
+impl Plan {
+    pub(crate) fn of(arguments: &RunArguments) -> Result<Self> {
+        let out = match (&arguments.out, &arguments.task) {
+            (Some(out), _) => out.clone(),
+            (None, Some(task)) => default_folder(task),
+            (None, None) => return Err(task::missing()),
+        };
+        let begun = run_folder::look_into(&out, arguments.resume)?;
+        let name = arguments.task.as_deref().or(begun.as_ref().map(|begun| begun.identity.task.as_str()));
+        let chosen = task::choose(name.ok_or_else(task::missing)?)?;
+        let mut values = match (&begun, arguments.preset) {
+            (Some(begun), None) => begun.configuration.clone(),
+            (_, preset) => {
+                configuration::preset(preset.map_or(Preset::Standard, Preset::from), chosen.values.clone())?
+            }
+        };
+        for layer in layers(arguments)? {
+            configuration::apply(&mut values, &layer)?;
+        }
+        Ok(Self { chosen, values, begun, out })
+    }
+
+    /// Begins the run, or goes on with the one that is there.
+    pub(crate) fn open_folder(&self, data: Option<Data>, values: &Table) -> Result<RunFolder> {
+        let identity = Identity {
+            demosift: env!("CARGO_PKG_VERSION").to_owned(),
+            task: self.chosen.name.clone(),
+            task_sha256: self.chosen.sha256.clone(),
+            data,
+        };
+        RunFolder::open(self.out.clone(), self.begun.as_ref(), &identity, values)
+    }
+}
+
+fn layers(arguments: &RunArguments) -> Result<Vec<Layer>> {
+    let mut layers = Vec::new();
+    if let Some(path) = &arguments.config {
+        layers.push(Layer::from_file(path)?);
+    }
+    for assignment in &arguments.set {
+        layers.push(Layer::from_assignment(assignment)?);
+    }
+    if let Some(seed) = arguments.seed {
+        layers.push(Layer::from_option("--seed", "seed", seed)?);
+    }
+    Ok(layers)
+}
+
+fn default_folder(task: &str) -> PathBuf {
+    let name = Path::new(task).file_name().unwrap_or(task.as_ref());
+    Path::new("runs").join(name)
+}
+
+/// Makes all parallel loops use this many threads.
+pub(crate) fn use_threads(count: Option<usize>) -> Result<()> {
+    let Some(count) = count else { return Ok(()) };
+    if count == 0 {
+        return Err(Error::bad_config("--threads 0: must be at least 1"));
+    }
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(count)
+        .build_global()
+        .map_err(|error| Error::bad_config(format!("--threads {count}: {error}")))
+}
+
+fn set_file(given: Option<&Path>) -> Result<PathBuf> {
+    let given = given.ok_or_else(|| {
+        Error::bad_input("no demonstrations are given").with_hint(format!(
+            "give the path of an .hdf5 file in D4RL layout, or of a folder that holds {SET_FILE}"
+        ))
+    })?;
+    if !given.is_dir() {
+        return Ok(given.to_owned());
+    }
+    let file = given.join(SET_FILE);
+    if file.exists() {
+        return Ok(file);
+    }
+    Err(Error::bad_input(format!("this folder holds no {SET_FILE}, so it is no demonstration set")).at(given))
+}
+
+fn check_keep(keep: usize, set: &DemonstrationSet) -> Result<()> {
+    if (1..=set.len()).contains(&keep) {
+        return Ok(());
+    }
+    Err(Error::bad_config(format!(
+        "--keep {keep}: must be from 1 to the {} demonstrations there are",
+        set.len()
+    )))
+}
+
+fn absolute(path: &Path) -> Result<PathBuf> {
+    std::fs::canonicalize(path).map_err(|error| Error::io("cannot find", path, &error))
+}

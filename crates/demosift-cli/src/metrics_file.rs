@@ -1,0 +1,101 @@
+//! `metrics.jsonl`: one line a measurement, appended as the run goes.
+//!
+//! A run that was killed measures again what came after its last checkpoint, and finds the same numbers.
+//! A row that the file already holds is therefore not written twice.
+
+use std::collections::BTreeSet;
+use std::fs::{File, OpenOptions};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use demosift::{Error, Result};
+use serde_json::{Value, json};
+
+/// Which measurement a row is: stage, part, iteration.
+type Row = (String, String, u64);
+
+#[derive(Debug)]
+pub(crate) struct MetricsFile {
+    path: PathBuf,
+    file: File,
+    held: BTreeSet<Row>,
+}
+
+impl MetricsFile {
+    /// Opens the file behind its last whole line; a line that was cut short by a kill is measured again.
+    pub(crate) fn open(folder: &Path) -> Result<Self> {
+        let path = folder.join("metrics.jsonl");
+        let failed = |source: std::io::Error| Error::io("cannot open the metrics", &path, &source);
+        let text = match std::fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
+            Err(error) => return Err(failed(error)),
+        };
+        let whole = text.rfind('\n').map_or(0, |end| end + 1);
+        let held = text[..whole]
+            .lines()
+            .map(|line| row_of(line).ok_or_else(|| unreadable(line, &path)))
+            .collect::<Result<_>>()?;
+        let file = OpenOptions::new().create(true).append(true).open(&path).map_err(failed)?;
+        file.set_len(whole as u64).map_err(failed)?;
+        Ok(Self { path, file, held })
+    }
+
+    /// Appends a row, unless the file holds it.
+    pub(crate) fn append(
+        &mut self,
+        stage: &str,
+        part: &str,
+        iteration: usize,
+        numbers: &[(&str, f64)],
+    ) -> Result<()> {
+        if !self.held.insert((stage.to_owned(), part.to_owned(), iteration as u64)) {
+            return Ok(());
+        }
+        let mut line = format!("{{\"stage\":{},\"part\":{},\"iteration\":{iteration}", json!(stage), json!(part));
+        for (name, value) in numbers {
+            // JSON knows no NaN; what was not measured becomes null.
+            line += &format!(",{}:{}", json!(name), json!(value));
+        }
+        line += "}\n";
+        self.file
+            .write_all(line.as_bytes())
+            .map_err(|source| Error::io("cannot write the metrics", &self.path, &source))
+    }
+}
+
+fn row_of(line: &str) -> Option<Row> {
+    let row: Value = serde_json::from_str(line).ok()?;
+    Some((row["stage"].as_str()?.to_owned(), row["part"].as_str()?.to_owned(), row["iteration"].as_u64()?))
+}
+
+fn unreadable(line: &str, path: &Path) -> Error {
+    Error::bad_input(format!("a line of the metrics is not one of ours: {line}"))
+        .at(path)
+        .with_hint("delete the file; it is written again as far as the run goes on")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_doubled_and_a_torn_line_is_written_again() {
+        let folder = std::env::temp_dir().join(format!("demosift-metrics-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let write = |iterations: std::ops::Range<usize>| {
+            let mut file = MetricsFile::open(&folder).unwrap();
+            for iteration in iterations {
+                file.append("judge", "demonstration 0", iteration, &[("score", 0.5), ("success", f64::NAN)])
+                    .unwrap();
+            }
+            std::fs::read_to_string(folder.join("metrics.jsonl")).unwrap()
+        };
+        let whole = write(0..4);
+        assert_eq!(whole.lines().count(), 4);
+        assert!(whole.contains("\"success\":null"), "{whole}");
+        std::fs::write(folder.join("metrics.jsonl"), &whole[..whole.len() - 9]).unwrap();
+        assert_eq!(write(2..4), whole);
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+}

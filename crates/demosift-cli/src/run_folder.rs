@@ -1,0 +1,190 @@
+//! The run folder: what a run depends on, and every noun and checkpoint as a file.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use demosift::experiment::Ledger;
+use demosift::{Error, Result, files};
+use serde::{Deserialize, Serialize};
+use toml::Table;
+
+use crate::configuration;
+
+const RUN: &str = "run.json";
+const RESOLVED: &str = "resolved.toml";
+
+/// What a run depends on besides its configuration; kept in `run.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Identity {
+    /// The version of demosift that began the run.
+    pub(crate) demosift: String,
+    /// The task, as `--task` takes it.
+    pub(crate) task: String,
+    /// Hash of the files of a task that does not come with demosift.
+    pub(crate) task_sha256: Option<String>,
+    /// The demonstrations; a recording has none.
+    pub(crate) data: Option<Data>,
+}
+
+/// The demonstrations of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Data {
+    /// Where they were when the run began.
+    pub(crate) path: PathBuf,
+    /// What they were.
+    pub(crate) sha256: String,
+}
+
+/// What a folder tells of the run that it holds.
+#[derive(Debug)]
+pub(crate) struct Begun {
+    pub(crate) identity: Identity,
+    pub(crate) configuration: Table,
+}
+
+/// The run that a folder holds, if it holds one.
+///
+/// Without `resume` a folder that holds anything is an error.
+pub(crate) fn look_into(folder: &Path, resume: bool) -> Result<Option<Begun>> {
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        Err(error) if error.kind() == ErrorKind::NotADirectory => {
+            return Err(
+                Error::bad_input("the run folder is a file; wanted a folder, or a new name").at(folder)
+            );
+        }
+        Err(error) => return Err(Error::io("cannot look into the run folder", folder, &error)),
+    };
+    let mut names = entries
+        .map(|entry| entry.map(|entry| entry.file_name().to_string_lossy().into_owned()))
+        .collect::<std::io::Result<Vec<_>>>()
+        .map_err(|error| Error::io("cannot look into the run folder", folder, &error))?;
+    names.sort();
+    let begun = names.iter().any(|name| name == RUN);
+    // A run that was killed while it began leaves these only, and has done nothing yet.
+    let empty = names.iter().all(|name| name == RESOLVED || name.ends_with(".partial"));
+    match (begun, resume) {
+        (false, _) if empty => Ok(None),
+        (false, _) => Err(Error::bad_input(format!(
+            "the run folder holds other files ({}) and no run",
+            names.join(", ")
+        ))
+        .at(folder)
+        .with_hint("give the name of a new folder to --out")),
+        (true, false) => Err(Error::bad_input("the run folder holds a run already")
+            .at(folder)
+            .with_hint("add --resume to go on with it, or give another folder to --out")),
+        (true, true) => Ok(Some(Begun {
+            identity: read_identity(&folder.join(RUN))?,
+            configuration: configuration::Layer::from_file(&folder.join(RESOLVED))?.values,
+        })),
+    }
+}
+
+fn read_identity(path: &Path) -> Result<Identity> {
+    let bytes = fs::read(path).map_err(|error| Error::io("cannot read the run", path, &error))?;
+    serde_json::from_slice(&bytes)
+        .map_err(|error| Error::bad_input(format!("this is not the file of a run: {error}")).at(path))
+}
+
+/// Nouns and checkpoints as files of one folder.
+#[derive(Debug)]
+pub(crate) struct RunFolder {
+    path: PathBuf,
+}
+
+impl RunFolder {
+    /// Begins a run, or goes on with the one in the folder if that depends on the same things.
+    pub(crate) fn open(
+        path: PathBuf,
+        begun: Option<&Begun>,
+        identity: &Identity,
+        configuration: &Table,
+    ) -> Result<Self> {
+        if let Some(begun) = begun {
+            check_same(begun, identity, configuration).map_err(|error| error.at(&path))?;
+            remove_partial(&path)?;
+            return Ok(Self { path });
+        }
+        fs::create_dir_all(&path).map_err(|error| Error::io("cannot make the run folder", &path, &error))?;
+        let text = toml::to_string_pretty(configuration).expect("what was read from TOML is TOML");
+        files::write_atomically(&path.join(RESOLVED), text.as_bytes())?;
+        // Last, since it makes the folder a run.
+        let mut json = serde_json::to_vec_pretty(identity).expect("names and hashes are JSON");
+        json.push(b'\n');
+        files::write_atomically(&path.join(RUN), &json)?;
+        Ok(Self { path })
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl Ledger for RunFolder {
+    fn recall(&self, name: &str) -> Result<Option<Vec<u8>>> {
+        let path = self.path.join(name);
+        match fs::read(&path) {
+            Ok(bytes) => Ok(Some(bytes)),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(Error::io("cannot read", &path, &error)),
+        }
+    }
+
+    fn keep(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+        files::write_atomically(&self.path.join(name), bytes)
+    }
+
+    fn forget(&mut self, name: &str) -> Result<()> {
+        let path = self.path.join(name);
+        match fs::remove_file(&path) {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                Err(Error::io("cannot delete", &path, &error))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The bytes that a killed write left behind.
+fn remove_partial(folder: &Path) -> Result<()> {
+    let failed = |error: std::io::Error| Error::io("cannot tidy the run folder", folder, &error);
+    for entry in fs::read_dir(folder).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        if entry.file_name().to_string_lossy().ends_with(".partial") {
+            fs::remove_file(entry.path()).map_err(failed)?;
+        }
+    }
+    Ok(())
+}
+
+fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Result<()> {
+    let sha256 = |identity: &Identity| identity.data.as_ref().map(|data| data.sha256.clone());
+    let text = |value: Option<String>| value.unwrap_or_else(|| "none".to_owned());
+    let old = &begun.identity;
+    let pairs = [
+        ("the version of demosift", old.demosift.clone(), identity.demosift.clone()),
+        ("the task", old.task.clone(), identity.task.clone()),
+        (
+            "the SHA-256 of the task's files",
+            text(old.task_sha256.clone()),
+            text(identity.task_sha256.clone()),
+        ),
+        ("the SHA-256 of the demonstrations", text(sha256(old)), text(sha256(identity))),
+    ];
+    let differs = pairs.into_iter().find(|(_, old, new)| old != new);
+    let (what, old, new) =
+        match (differs, configuration::first_difference(&begun.configuration, configuration)) {
+            (Some((what, old, new)), _) => (what.to_owned(), old, new),
+            (None, Some(difference)) => difference,
+            (None, None) => return Ok(()),
+        };
+    Err(Error::bad_config(format!(
+        "the run folder is of another run: {what} was {old} there, and is {new} now"
+    ))
+    .with_hint("leave the option out to go on as before, or give another folder to --out"))
+}

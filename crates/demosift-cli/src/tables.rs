@@ -1,0 +1,204 @@
+//! Results as plain tables and sentences.
+
+use demosift::demonstration::{DemoId, DemonstrationSet};
+use demosift::heuristic::Score;
+use demosift::imitate::LearningCurve;
+use demosift::select::{Ranking, Subset};
+
+/// Columns that fit their widest cell; words to the left, numbers to the right.
+pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+    let width = |column: usize| {
+        let cells = rows.iter().map(|row| row[column].chars().count());
+        cells.chain([header[column].chars().count()]).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..header.len()).map(width).collect();
+    let is_number = |column: usize| rows.iter().all(|row| !row[column].starts_with(char::is_alphabetic));
+    let line = |cells: &[String]| {
+        let padded: Vec<String> = (0..widths.len())
+            .map(|column| {
+                let (cell, width) = (&cells[column], widths[column]);
+                if is_number(column) { format!("{cell:>width$}") } else { format!("{cell:<width$}") }
+            })
+            .collect();
+        format!("  {}", padded.join("   ")).trim_end().to_owned() + "\n"
+    };
+    let header: Vec<String> = header.iter().map(|&cell| cell.to_owned()).collect();
+    std::iter::once(line(&header)).chain(rows.iter().map(|row| line(row))).collect()
+}
+
+/// How scores of a run are written: with its unit, and as many decimals as their size asks for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Scale<'a> {
+    pub(crate) unit: &'a str,
+    decimals: usize,
+}
+
+impl<'a> Scale<'a> {
+    pub(crate) fn of(scores: impl IntoIterator<Item = Score>, unit: &'a str) -> Self {
+        let largest = scores.into_iter().map(f64::abs).filter(|score| score.is_finite()).fold(0.0, f64::max);
+        let decimals = match largest {
+            1000.0.. => 0,
+            100.0.. => 1,
+            10.0.. => 2,
+            _ => 3,
+        };
+        Self { unit, decimals }
+    }
+
+    pub(crate) fn plain(self, score: Score) -> String {
+        format!("{score:.*}", self.decimals)
+    }
+
+    fn signed(self, score: Score) -> String {
+        format!("{score:+.*}", self.decimals)
+    }
+
+    fn with_unit(self, score: Score) -> String {
+        format!("{} {}", self.plain(score), self.unit).trim_end().to_owned()
+    }
+
+    /// A column's title with the unit of its numbers.
+    pub(crate) fn title(self, name: &str) -> String {
+        if self.unit.is_empty() { name.to_owned() } else { format!("{name} [{}]", self.unit) }
+    }
+}
+
+/// The demonstrations from the most to the least suitable, and which of them were kept.
+pub(crate) fn ranking(
+    set: &DemonstrationSet,
+    ranking: &Ranking,
+    subset: Option<&Subset>,
+    unit: &str,
+) -> String {
+    let entries = &ranking.entries;
+    let scale = Scale::of(entries.iter().flat_map(|entry| [entry.before, entry.after]), unit);
+    let titles = ["before", "after", "gain"].map(|name| scale.title(name));
+    let mut header = vec!["rank", "demonstration", "steps", &titles[0], &titles[1], &titles[2]];
+    if subset.is_some() {
+        header.push("kept");
+    }
+    let rows: Vec<Vec<String>> = entries
+        .iter()
+        .enumerate()
+        .map(|(place, entry)| {
+            let mut row = vec![
+                (place + 1).to_string(),
+                entry.demo.to_string(),
+                set.get(entry.demo).steps().to_string(),
+                scale.plain(entry.before),
+                scale.plain(entry.after),
+                scale.signed(entry.score),
+            ];
+            row.extend(
+                subset.map(|subset| if subset.demos.contains(&entry.demo) { "kept" } else { "-" }.to_owned()),
+            );
+            row
+        })
+        .collect();
+    let what = "How good the agent is at the task before and after it imitates each demonstration (higher is better):";
+    format!("{what}\n\n{}{}", table(&header, &rows), doubts(ranking, subset))
+}
+
+/// Says which of the kept demonstrations did not help.
+fn doubts(ranking: &Ranking, subset: Option<&Subset>) -> String {
+    let kept = |demo: &DemoId| subset.is_some_and(|subset| subset.demos.contains(demo));
+    let useless: Vec<DemoId> = ranking
+        .entries
+        .iter()
+        .filter(|entry| entry.score <= 0.0)
+        .map(|entry| entry.demo)
+        .filter(kept)
+        .collect();
+    match useless.as_slice() {
+        [] => String::new(),
+        [demo] => {
+            format!("\nDemonstration {demo} was kept, although imitating it did not make the agent better.\n")
+        }
+        demos => format!(
+            "\nDemonstrations {} were kept, although imitating them did not make the agent better.\n",
+            list(demos)
+        ),
+    }
+}
+
+/// The policies that came of imitating from scratch, one a row.
+pub(crate) fn policies(curves: &[(String, &LearningCurve)], unit: &str) -> String {
+    let scale = Scale::of(curves.iter().map(|(_, curve)| curve.outcome.score), unit);
+    let title = scale.title("heuristic");
+    let knows_success = curves.iter().any(|(_, curve)| curve.outcome.success.is_some());
+    let mut header = vec!["policy from", title.as_str()];
+    if knows_success {
+        header.push("success");
+    }
+    header.push("environment steps");
+    let rows: Vec<Vec<String>> = curves
+        .iter()
+        .map(|(name, curve)| {
+            let outcome = curve.outcome;
+            let mut row = vec![name.clone(), scale.plain(outcome.score)];
+            if knows_success {
+                row.push(outcome.success.map_or("-".to_owned(), percent));
+            }
+            row.push(outcome.environment_steps.to_string());
+            row
+        })
+        .collect();
+    table(&header, &rows)
+}
+
+pub(crate) fn percent(share: f64) -> String {
+    format!("{:.0} %", share * 100.0)
+}
+
+/// The policy from the subset beside that from the whole set, and an honest word on which is better.
+pub(crate) fn comparison(
+    set: &DemonstrationSet,
+    from_subset: &LearningCurve,
+    from_all: &LearningCurve,
+    unit: &str,
+) -> String {
+    let names = [
+        format!("the {} kept ({})", from_subset.demos.len(), list(&from_subset.demos)),
+        format!("all {}", set.len()),
+    ];
+    let [subset, all] = names;
+    let rows = policies(&[(subset, from_subset), (all, from_all)], unit);
+    format!(
+        "What a policy learns from scratch, with as many environment steps each:\n\n{rows}\n{}\n",
+        verdict(set, from_subset, from_all, unit)
+    )
+}
+
+fn verdict(
+    set: &DemonstrationSet,
+    from_subset: &LearningCurve,
+    from_all: &LearningCurve,
+    unit: &str,
+) -> String {
+    let (subset, all) = (from_subset.outcome.score, from_all.outcome.score);
+    let scale = Scale::of([subset, all], unit);
+    if from_subset.demos.len() == set.len() {
+        "All demonstrations were kept, so there is nothing to compare.".to_owned()
+    } else if subset > all {
+        format!(
+            "Selecting helped: the policy from the kept demonstrations is better by {}. \
+             That is one training run each; another --seed shows how sure it is.",
+            scale.with_unit(subset - all)
+        )
+    } else if subset < all {
+        format!(
+            "Selecting did NOT help: the policy from the kept demonstrations is worse by {}. \
+             Use the whole set, or try another --keep, --seed or a larger --preset.",
+            scale.with_unit(all - subset)
+        )
+    } else {
+        "Selecting did NOT help: both policies are equally good.".to_owned()
+    }
+}
+
+/// Ids in ascending order.
+pub(crate) fn list(demos: &[DemoId]) -> String {
+    let mut demos = demos.to_vec();
+    demos.sort_unstable();
+    demos.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+}

@@ -1,0 +1,88 @@
+//! The only place that talks to the terminal: results on standard output, everything else on standard error.
+
+use std::io::Write as _;
+use std::time::Duration;
+
+use demosift::observer::{Event, Observer};
+use demosift::{Error, Result};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::metrics_file::MetricsFile;
+
+/// Prints results; a reader that has gone away has seen enough.
+pub(crate) fn show(text: &str) {
+    let mut out = std::io::stdout().lock();
+    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+}
+
+/// Prints results as JSON.
+pub(crate) fn show_json(value: &serde_json::Value) {
+    show(&format!("{value:#}\n"));
+}
+
+/// Says what went wrong, and what could be done about it.
+pub(crate) fn complain(error: &Error) {
+    let mut out = std::io::stderr().lock();
+    let _ = writeln!(out, "error: {error}");
+    if let Some(hint) = error.hint() {
+        let _ = writeln!(out, "hint: {hint}");
+    }
+}
+
+/// Shows a bar for the stage that runs, and writes down what is measured.
+///
+/// The bar hides itself where standard error is not a terminal.
+pub(crate) struct Progress {
+    metrics: MetricsFile,
+    bar: ProgressBar,
+    failed: Option<Error>,
+}
+
+impl Progress {
+    pub(crate) fn new(metrics: MetricsFile) -> Self {
+        Self { metrics, bar: ProgressBar::hidden(), failed: None }
+    }
+
+    /// Clears the bar; the error is the first that writing the measurements met.
+    pub(crate) fn finish(&mut self) -> Result<()> {
+        self.bar.finish_and_clear();
+        self.failed.take().map_or(Ok(()), Err)
+    }
+
+    fn start(&mut self, stage: &str, done: usize, total: usize) {
+        self.bar.finish_and_clear();
+        let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len}, {eta} left")
+            .expect("the template is ours");
+        self.bar = ProgressBar::new(total as u64).with_style(style).with_message(what(stage));
+        self.bar.set_position(done as u64);
+        self.bar.reset_eta();
+        self.bar.enable_steady_tick(Duration::from_millis(500));
+    }
+}
+
+impl Observer for Progress {
+    fn on(&mut self, event: Event<'_>) {
+        match event {
+            Event::Started { stage, done, total } => self.start(stage, done, total),
+            Event::Advanced { done, .. } => self.bar.set_position(done as u64),
+            Event::Measured { stage, part, iteration, numbers } => {
+                if let Err(error) = self.metrics.append(stage, part, iteration, numbers) {
+                    self.failed.get_or_insert(error);
+                }
+            }
+            Event::Checkpoint { .. } => {}
+        }
+    }
+}
+
+/// A stage in words.
+fn what(stage: &str) -> String {
+    match stage {
+        "meta_train" => "learning to imitate",
+        "judge" => "judging demonstrations",
+        "imitate" => "imitating from scratch",
+        "demonstrator" => "training the demonstrator",
+        other => other,
+    }
+    .to_owned()
+}
