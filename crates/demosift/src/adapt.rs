@@ -147,13 +147,20 @@ pub fn adapt(
     let mut adam = Adam::new(learner.discriminator.parameters().len());
     let mut adapted = Adapted { learner: learner.clone(), curve: Vec::with_capacity(iterations) };
     for iteration in 0..iterations {
-        let seeds = seed.at(iteration).many(inner.trajectories);
+        let seeds = seed.of("play").at(iteration).many(inner.trajectories);
         let trajectories =
             rollout::play(playground, &adapted.learner.policy, Acting::Sampled, variant, seeds)?;
         let played = Played::new(playground, &adapted.learner.policy, &trajectories);
         let alpha = inner.alpha(iteration);
-        let (learner, report) = update(&adapted.learner, &played, demonstrated, (inner, alpha), &mut adam)
-            .map_err(|error| error.during(&format!("adaptation, iteration {iteration}")))?;
+        let (learner, report) = update(
+            &adapted.learner,
+            &played,
+            demonstrated,
+            (inner, alpha),
+            &mut adam,
+            seed.of("fit").at(iteration),
+        )
+        .map_err(|error| error.during(&format!("adaptation, iteration {iteration}")))?;
         adapted.learner = learner;
         adapted.curve.push(report);
     }
@@ -167,9 +174,10 @@ pub fn update(
     demonstrated: &[&Rows],
     (inner, alpha): (&InnerUpdate, f64),
     adam: &mut Adam,
+    seed: Seed,
 ) -> Result<(Learner, UpdateReport)> {
     let (discriminator, fit) =
-        gail::fit(&learner.discriminator, &[&played.pairs], demonstrated, &inner.discriminator, adam)?;
+        gail::fit(&learner.discriminator, &[&played.pairs], demonstrated, &inner.discriminator, adam, seed)?;
     let rewards = gail::imitation_rewards(&discriminator, &played.pairs);
     let advantages = played.advantages(&rewards, &inner.advantage)?;
     let step =

@@ -14,6 +14,7 @@
 //! We label the agent 1 and the demonstration 0 and minimize the binary cross-entropy, after which −log D is high
 //! where a pair looks demonstrated, as the reward needs.
 
+use rand::RngExt;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -22,7 +23,7 @@ use crate::nn::adam::Adam;
 use crate::nn::mlp::{Mlp, Tape};
 use crate::observation_filter::ObservationFilter;
 use crate::rows::Rows;
-use crate::seed::Seed;
+use crate::seed::{Rng, Seed};
 
 /// How a discriminator is fitted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,10 +31,12 @@ use crate::seed::Seed;
 pub struct Fitting {
     /// Adam's step size; not in the paper.
     pub learning_rate: f64,
-    /// Full-batch steps a fit; not in the paper. Few, or a single demonstration is separated at once.
+    /// Steps a fit; not in the paper.
     pub steps: usize,
-    /// Weight of the entropy of the logits, which keeps the discriminator unsure; not in the paper, 0.001 in GAIL's
-    /// reference implementation.
+    /// Pairs of each kind that a step draws; not in the paper.
+    pub batch: usize,
+    /// c, the weight of the logits' entropy; not in the paper. It bounds the logit of a pair that is told for certain to
+    /// about 1/c, which keeps the reward of a single demonstration from going flat.
     pub entropy: f64,
 }
 
@@ -120,20 +123,24 @@ impl Discriminator {
     }
 }
 
-/// D_meta → D'_meta,i: a few steps of [`loss_and_gradient`] descent with Adam.
+/// D_meta → D'_meta,i: a few steps down [`loss_and_gradient`] of random batches, with Adam.
 pub fn fit(
     discriminator: &Discriminator,
     generated: &[&Rows],
     demonstrated: &[&Rows],
     fitting: &Fitting,
     adam: &mut Adam,
+    seed: Seed,
 ) -> Result<(Discriminator, FitReport)> {
     let mut fitted = discriminator.clone();
     let mut workspace = Workspace::default();
     let mut report = FitReport { loss: f64::NAN, accuracy: f64::NAN };
+    let mut rng = seed.into_rng();
     for _ in 0..fitting.steps {
+        let generated = draw(generated, fitting.batch, &mut rng);
+        let demonstrated = draw(demonstrated, fitting.batch, &mut rng);
         let (found, gradient) =
-            loss_and_gradient_in(&fitted, generated, demonstrated, fitting.entropy, &mut workspace);
+            loss_and_gradient_in(&fitted, &[&generated], &[&demonstrated], fitting.entropy, &mut workspace);
         if !found.loss.is_finite() {
             return Err(Error::diverged("the discriminator's loss is not a finite number"));
         }
@@ -141,6 +148,22 @@ pub fn fit(
         report = found;
     }
     Ok((fitted, report))
+}
+
+/// `count` rows drawn from all tables alike, with replacement.
+fn draw(tables: &[&Rows], count: usize, rng: &mut Rng) -> Rows {
+    let total: usize = tables.iter().map(|rows| rows.len()).sum();
+    let mut drawn = Rows::with_capacity(tables.first().map_or(0, |rows| rows.width()), count);
+    for _ in 0..count {
+        let mut index = rng.random_range(0..total);
+        let table = tables.iter().find(|rows| {
+            let here = index < rows.len();
+            index -= if here { 0 } else { rows.len() };
+            here
+        });
+        drawn.push(table.expect("the index is below the sum of the lengths").row(index));
+    }
+    drawn
 }
 
 /// E_τ[−log D(s,a)] + E_v[−log(1−D(s,a))] − c·H(D), and its gradient with respect to the parameters, `[P]`.
@@ -263,10 +286,10 @@ mod tests {
     fn fitted() -> (Discriminator, Rows, Rows) {
         let (agent, demonstration) = (cloud(1.0, 1), cloud(-1.0, 2));
         let start = Discriminator::undecided(&[16, 16], 3, Seed::new(0));
-        let fitting = Fitting { learning_rate: 0.01, steps: 100, entropy: 0.001 };
+        let fitting = Fitting { learning_rate: 0.01, steps: 100, batch: 200, entropy: 0.001 };
         let mut adam = Adam::new(start.parameters().len());
         let (fitted, report) =
-            fit(&start, &[&agent], &[&demonstration], &fitting, &mut adam).expect("finite");
+            fit(&start, &[&agent], &[&demonstration], &fitting, &mut adam, Seed::new(5)).expect("finite");
         assert!(report.accuracy > 0.9, "accuracy {}", report.accuracy);
         (fitted, agent, demonstration)
     }

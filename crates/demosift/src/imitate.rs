@@ -140,8 +140,15 @@ fn improve(
     let trajectories = rollout::play(playground, policy, Acting::Sampled, variant, seeds)?;
     let played = Played::new(playground, policy, &trajectories);
     let alpha = imitation.update.alpha(state.updates);
-    let (learner, report) =
-        adapt::update(&state.learner, &played, demonstrated, (&imitation.update, alpha), &mut state.adam)?;
+    let fit_seed = seed.of("fit").at(state.updates);
+    let (learner, report) = adapt::update(
+        &state.learner,
+        &played,
+        demonstrated,
+        (&imitation.update, alpha),
+        &mut state.adam,
+        fit_seed,
+    )?;
     state.learner = learner;
     state.updates += 1;
     state.environment_steps += trajectories.iter().map(Trajectory::steps).sum::<usize>();

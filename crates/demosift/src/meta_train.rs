@@ -181,7 +181,7 @@ fn adapt_and_play(
 ) -> Result<Outcome> {
     let mut adam = Adam::new(prior.discriminator.parameters().len());
     let (adapted, update) =
-        adapt::update(prior, before, &[demonstrated], (inner, inner.alpha(0)), &mut adam)?;
+        adapt::update(prior, before, &[demonstrated], (inner, inner.alpha(0)), &mut adam, seed.of("fit"))?;
     let seeds = seed.of("play").many(inner.trajectories);
     let trajectories = rollout::play(playground, &adapted.policy, Acting::Sampled, variant, seeds)?;
     let after = Played::new(playground, &adapted.policy, &trajectories);

@@ -71,7 +71,7 @@ fn inner_update(trajectories: usize) -> InnerUpdate {
         trajectories,
         alphas: vec![1.0, 0.5],
         trust_region: TrustRegion { max_kl: 0.15, ..TrustRegion::default() },
-        discriminator: Fitting { learning_rate: 1e-2, steps: 20, entropy: 1e-3 },
+        discriminator: Fitting { learning_rate: 3e-3, steps: 20, batch: 500, entropy: 0.3 },
         advantage: AdvantageEstimation::default(),
     }
 }
@@ -80,8 +80,8 @@ fn imitation_update(trajectories: usize) -> InnerUpdate {
     InnerUpdate {
         trajectories,
         alphas: vec![1.0],
-        trust_region: TrustRegion { max_kl: 0.01, ..TrustRegion::default() },
-        discriminator: Fitting { learning_rate: 3e-3, steps: 3, entropy: 1e-3 },
+        trust_region: TrustRegion { max_kl: 0.03, ..TrustRegion::default() },
+        discriminator: Fitting { learning_rate: 3e-3, steps: 10, batch: 500, entropy: 0.3 },
         advantage: AdvantageEstimation::default(),
     }
 }
