@@ -52,7 +52,8 @@ impl MetricsFile {
         if !self.held.insert((stage.to_owned(), part.to_owned(), iteration as u64)) {
             return Ok(());
         }
-        let mut line = format!("{{\"stage\":{},\"part\":{},\"iteration\":{iteration}", json!(stage), json!(part));
+        let mut line =
+            format!("{{\"stage\":{},\"part\":{},\"iteration\":{iteration}", json!(stage), json!(part));
         for (name, value) in numbers {
             // JSON knows no NaN; what was not measured becomes null.
             line += &format!(",{}:{}", json!(name), json!(value));
