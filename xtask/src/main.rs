@@ -1,2 +1,65 @@
-//! Set-up, tests and benchmarks.
-fn main() {}
+//! `cargo xtask`: fetches the pinned MuJoCo, then tests, demonstrates or measures demosift.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a terminal is all it has")]
+
+mod mujoco;
+mod rendering;
+mod steps;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+const USAGE: &str = "\
+usage: cargo xtask COMMAND
+
+  setup   fetch the pinned MuJoCo into .mujoco/lib
+  test    setup; check format and lints, run all tests
+  demo    setup; build, then sift the eight free throws that the repository carries
+  bench   setup; measure the learner and the simulator";
+
+/// Why a command stopped, and the exit code that says so.
+struct Failure {
+    message: String,
+    code: u8,
+}
+
+impl From<String> for Failure {
+    fn from(problem: String) -> Self {
+        Self { message: format!("error: {problem}"), code: 1 }
+    }
+}
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let root = checkout();
+    let outcome = match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        ["setup"] => set_up(&root),
+        ["test"] => set_up(&root).and_then(|()| steps::test(&root)),
+        ["demo"] => set_up(&root).and_then(|()| steps::demo(&root)),
+        ["bench"] => set_up(&root).and_then(|()| steps::bench(&root)),
+        ["help" | "--help" | "-h"] => {
+            println!("{USAGE}");
+            return ExitCode::SUCCESS;
+        }
+        _ => Err(Failure { message: USAGE.to_owned(), code: 2 }),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure { message, code }) => {
+            eprintln!("{message}");
+            ExitCode::from(code)
+        }
+    }
+}
+
+/// What every command does first.
+fn set_up(root: &Path) -> Result<(), Failure> {
+    mujoco::set_up(root)?;
+    rendering::set_up();
+    Ok(())
+}
+
+/// The folder that holds the workspace.
+fn checkout() -> PathBuf {
+    let xtask = Path::new(env!("CARGO_MANIFEST_DIR"));
+    xtask.parent().expect("xtask lies in the workspace").to_owned()
+}

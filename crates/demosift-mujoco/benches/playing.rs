@@ -13,8 +13,8 @@ use demosift_mujoco::registry;
 use mujoco_rs::prelude::MjData;
 use rand::RngExt;
 
-const STEPS: usize = 4000;
-const RUNS: usize = 9;
+const STEPS: usize = 1000;
+const RUNS: usize = 31;
 
 fn main() {
     println!("task, threads: bare and through the trait, us a control step (steps/s of all threads), ratio");

@@ -134,8 +134,12 @@ impl MujocoEnvironment {
         }
         self.steps = 0;
         self.measure();
-        self.success =
-            self.task.success.as_ref().map(|success| Progress { so_far: success.fold.start(), paid: false });
+        self.success = self.task.success.as_ref().map(|success| {
+            let row: Vec<f32> = self.after.iter().map(|value| *value as f32).collect();
+            let mut so_far = success.fold.start();
+            success.fold.push(&mut so_far, &row);
+            Progress { so_far, paid: false }
+        });
     }
 
     fn measure(&mut self) {
@@ -203,7 +207,6 @@ impl Environment for MujocoEnvironment {
         self.data.qvel_mut().copy_from_slice(&qvel);
         self.begin();
         self.observe(observation, measurements);
-        self.success_reward(measurements);
     }
 
     fn step(&mut self, action: &[f32], observation: &mut [f32], measurements: &mut [f32]) -> StepOutcome {

@@ -219,6 +219,7 @@ pub(crate) fn column(name: &str, measurements: &[String]) -> Result<usize> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

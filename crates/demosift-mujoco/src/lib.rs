@@ -3,6 +3,66 @@
 //! The flow: [`registry::load`] finds the two files, [`mujoco_task::MujocoTask`] resolves every name in them once,
 //! and each worker plays on a [`environment::MujocoEnvironment`] of its own.
 //! No algorithm is known here.
+//!
+//! # A task of your own
+//!
+//! needs no Rust: a folder with an MJCF file, in which every actuator has a `ctrlrange`, and a `task.toml`.
+//!
+//! ```toml
+//! name = "reach"
+//! model = "arm.xml"         # beside this file
+//! camera = "front"          # optional: the one that shows the task best
+//! frame_skip = 5            # steps of the physics in a control step
+//! horizon = 100             # control steps in an episode, always
+//!
+//! # What the agent sees, in order. A place is a site, geom or body; `site:`, `geom:` or `body:` before
+//! # a name says which where several have it.
+//! observation = [
+//!   { qpos = { except = ["ball"] } },  # "all", a joint, [joints], or all but some
+//!   { qvel = "all" },                  # a free joint has 7 positions and 6 velocities
+//!   { position = ["hand"] },           # 3 numbers a place, m
+//!   { velocity = ["hand"] },           # 3 numbers a place, m/s
+//!   { contact_wrench = ["foot"] },     # 6 numbers a body: torque and force of its contacts
+//!   "phase",                           # share of the episode that has passed
+//! ]
+//!
+//! # Optional: terms of the reward on which demonstrators are trained.
+//! reward = [{ rate_of = "x", weight = 1.0 }, { measurement = "reach", weight = -1.0 }, { control_cost = 0.1 }, { constant = 1.0 }]
+//!
+//! [reset]                              # optional; the model's own initial state without noise if not given
+//! keyframe = "ready"
+//! qpos = { elbow = 0.5 }
+//! qvel = { ball = [0, 0, 0, 1, 0, 0] }
+//! qpos_noise = { uniform = 0.1, except = ["ball"] }   # half width
+//! qvel_noise = { normal = 0.1 }                       # standard deviation
+//!
+//! [measurements]                       # written down at every step, in alphabetical order
+//! x = { qpos = "slider" }              # or qvel: a hinge or slide joint
+//! reach = { distance = ["hand", "target"] }           # or horizontal_distance
+//! head = { height = "head" }           # over the origin of the world
+//! upright = { height_above = ["head", "pelvis"] }
+//! aside = { position = { of = "hand", axis = "y" } }  # or velocity
+//! lands = { contact = ["hand", "floor"] }             # 1 while geoms (or geoms of bodies) touch, else 0
+//!
+//! [heuristic]                          # of the T+1 rows of measurements; the one after the reset is the first
+//! fold = "min"                         # last_minus_first, min, max, sum, mean, last
+//! of = "reach"                         # or [several], which are added up
+//! negate = true                        # higher must be better
+//! unit = "m"
+//! when = [{ measurement = "upright", above = 0 }]     # counts only these rows; is, above, below
+//! while = [{ measurement = "lands", is = 0 }]         # and none from the first row at which this fails
+//! otherwise = 10.0                     # the value, before negate, where no row is counted
+//!
+//! [success]                            # optional; a fold, and above or below
+//! fold = "min"
+//! of = "reach"
+//! below = 0.05
+//! reward = 100.0                       # once, into the task reward, as soon as the success is certain
+//!
+//! [[variant]]                          # optional: the goals of a multi-goal task
+//! name = "left"
+//! qpos = { target = -1.0 }             # on top of [reset]; also qvel
+//! ```
 
 pub mod environment;
 mod heuristic_fold;
@@ -16,3 +76,4 @@ pub mod render;
 mod reset;
 pub mod reward;
 mod task_file;
+mod tasks;

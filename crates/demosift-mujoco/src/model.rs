@@ -48,6 +48,20 @@ pub(crate) enum Kind {
     Actuator,
 }
 
+impl Kind {
+    fn word(self) -> &'static str {
+        match self {
+            Self::Body => "body",
+            Self::Joint => "joint",
+            Self::Geom => "geom",
+            Self::Site => "site",
+            Self::Camera => "camera",
+            Self::Key => "keyframe",
+            Self::Actuator => "actuator",
+        }
+    }
+}
+
 impl Model {
     /// Loads an MJCF file.
     ///
@@ -106,6 +120,16 @@ impl Model {
         self.names(Kind::Camera).into_iter().flatten().collect()
     }
 
+    /// What has no name, such as `geom 3`: bodies, joints, geoms, sites, cameras and actuators.
+    pub fn nameless(&self) -> Vec<String> {
+        let kinds = [Kind::Body, Kind::Joint, Kind::Geom, Kind::Site, Kind::Camera, Kind::Actuator];
+        let nameless = kinds.into_iter().flat_map(|kind| {
+            let names = self.names(kind).into_iter().enumerate();
+            names.filter(|(_, name)| name.is_none()).map(move |(id, _)| format!("{} {id}", kind.word()))
+        });
+        nameless.collect()
+    }
+
     /// Simulated seconds of one step of the physics.
     pub fn timestep_secs(&self) -> f64 {
         self.0.opt().timestep
@@ -113,7 +137,9 @@ impl Model {
 
     /// Whether a step can be cut after the stage that knows position and velocity.
     pub(crate) fn has_split_step(&self) -> bool {
-        self.0.opt().integrator != MjtIntegrator::mjINT_RK4 as i32
+        let one_stage =
+            [MjtIntegrator::mjINT_EULER, MjtIntegrator::mjINT_IMPLICIT, MjtIntegrator::mjINT_IMPLICITFAST];
+        one_stage.iter().any(|known| self.0.opt().integrator == *known as i32)
     }
 
     /// The names of all things of a kind, by id; `None` where one has no name.
@@ -246,7 +272,7 @@ impl Model {
 }
 
 fn unknown(kinds: &[Kind], name: &str, known: Vec<String>) -> Error {
-    let kinds: Vec<_> = kinds.iter().map(|kind| format!("{kind:?}").to_lowercase()).collect();
+    let kinds: Vec<_> = kinds.iter().map(|kind| kind.word()).collect();
     let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
     Error::bad_config(format!("no {} is called '{name}'; the model has: {known}", kinds.join(" or ")))
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use demosift::{Error, Result};
 
 use crate::mujoco_task::{MakeShaping, MujocoTask};
+use crate::tasks;
 
 /// A task that is part of the program, so that an installed binary needs no files beside it.
 struct BuiltIn {
@@ -15,12 +16,20 @@ struct BuiltIn {
     shaping: Option<MakeShaping>,
 }
 
-const BUILT_IN: &[BuiltIn] = &[BuiltIn {
-    name: "half_cheetah",
-    task_file: include_str!("../../../tasks/half_cheetah/task.toml"),
-    models: &[("half_cheetah.xml", include_str!("../../../tasks/half_cheetah/half_cheetah.xml"))],
-    shaping: None,
-}];
+const BUILT_IN: &[BuiltIn] = &[
+    BuiltIn {
+        name: "free_throw",
+        task_file: include_str!("../../../tasks/free_throw/task.toml"),
+        models: &[("free_throw.xml", include_str!("../../../tasks/free_throw/free_throw.xml"))],
+        shaping: Some(tasks::free_throw::shaping),
+    },
+    BuiltIn {
+        name: "half_cheetah",
+        task_file: include_str!("../../../tasks/half_cheetah/task.toml"),
+        models: &[("half_cheetah.xml", include_str!("../../../tasks/half_cheetah/half_cheetah.xml"))],
+        shaping: None,
+    },
+];
 
 /// Names of the tasks that come with demosift.
 pub fn names() -> Vec<&'static str> {

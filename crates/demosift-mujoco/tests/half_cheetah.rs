@@ -72,3 +72,41 @@ fn reset_noise_is_that_of_gymnasium() {
     let (mean, deviation) = spread(&velocities);
     assert!(mean.abs() < 0.003 && (deviation - 0.1).abs() < 0.002, "{mean} {deviation}");
 }
+
+/// A public set recorded with another engine, years ago: from each recorded state, the recorded action leads close to the
+/// recorded next state. Another order of observations or actions, or another frame skip, would be off by several.
+#[test]
+fn recorded_episodes_replay_up_to_the_differences_of_the_old_engine() {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../../shared/data/half_cheetah_noisy/half_cheetah_noisy.hdf5"
+    );
+    let Ok(file) = hdf5_pure::File::open(path) else { return eprintln!("skipped: {path} is not here") };
+    let read = |name: &str| file.dataset(name).unwrap().read_f64().unwrap();
+    let (observations, actions) = (read("observations"), read("actions"));
+    let task = registry::load("half_cheetah").unwrap();
+    let mut environment = task.mujoco_environment().unwrap();
+    for episode in 0..10 {
+        let (mut positions, mut velocities) = (Vec::new(), Vec::new());
+        for row in episode * 1000..episode * 1000 + 200 {
+            let (now, next) = observations[row * 17..(row + 2) * 17].split_at(17);
+            let qpos: Vec<f64> = [0.0].into_iter().chain(now[..8].iter().copied()).collect();
+            environment.set_state(&qpos, &now[8..]).unwrap();
+            let mut observation = [0.0; 17];
+            environment.step(&to_f32(&actions[row * 6..row * 6 + 6]), &mut observation, &mut [0.0; 1]);
+            let off: Vec<f64> =
+                observation.iter().zip(next).map(|(a, b)| (f64::from(*a) - b).abs()).collect();
+            positions.push(off[..8].iter().copied().fold(0.0, f64::max));
+            velocities.push(off[8..].iter().copied().fold(0.0, f64::max));
+        }
+        let median = |values: &mut Vec<f64>| {
+            values.sort_by(f64::total_cmp);
+            values[values.len() / 2]
+        };
+        let (positions, velocities) = (median(&mut positions), median(&mut velocities));
+        eprintln!(
+            "episode {episode}: median over steps of the largest deviation: {positions:.4} rad or m, {velocities:.3} a second"
+        );
+        assert!(positions < 0.02 && velocities < 0.5, "episode {episode}: {positions} {velocities}");
+    }
+}

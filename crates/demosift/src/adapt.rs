@@ -18,12 +18,14 @@
 use serde::{Deserialize, Serialize};
 
 use crate::advantage::{AdvantageEstimation, Rewarded, advantages};
+use crate::demonstration::DemonstrationSet;
 use crate::environment::EnvVariant;
 use crate::error::Result;
 use crate::gail::{self, Discriminator, Fitting};
 use crate::heuristic::Score;
 use crate::nn::adam::Adam;
-use crate::policy::Policy;
+use crate::observation_filter::Moments;
+use crate::policy::{Policy, PolicyShape};
 use crate::rollout::{self, Acting, Playground};
 use crate::rows::Rows;
 use crate::seed::Seed;
@@ -60,6 +62,34 @@ pub struct Learner {
     pub policy: Policy,
     /// D.
     pub discriminator: Discriminator,
+}
+
+/// θ and D_meta: the learner that meta-training returns, which adapts quickly to any demonstration.
+pub type MetaPrior = Learner;
+
+impl Learner {
+    /// A learner that knows nothing, behind the filter that all of the set's demonstrations share: the start of
+    /// meta-training and of imitation from scratch.
+    pub fn untrained(
+        set: &DemonstrationSet,
+        shape: &PolicyShape,
+        discriminator_hidden: &[usize],
+        seed: &Seed,
+    ) -> Self {
+        let mut moments = Moments::default();
+        set.iter().for_each(|(_, demonstration)| moments.add(demonstration.observations()));
+        let policy = Policy::untrained(shape, moments.filter(), set.action_size(), seed.of("policy"));
+        let pair_size = set.observation_size() + set.action_size();
+        let discriminator =
+            Discriminator::undecided(discriminator_hidden, pair_size, seed.of("discriminator"));
+        Self { policy, discriminator }
+    }
+
+    /// The pairs of each demonstration behind this learner's filter, in the order of the set.
+    pub fn demonstrated_pairs(&self, set: &DemonstrationSet) -> Vec<Rows> {
+        let filter = self.policy.filter();
+        set.iter().map(|(_, demonstration)| gail::demonstrated_pairs(demonstration, filter)).collect()
+    }
 }
 
 /// Episodes as learning sees them: filtered once, paired once, one after the other.
@@ -122,9 +152,8 @@ pub fn adapt(
             rollout::play(playground, &adapted.learner.policy, Acting::Sampled, variant, seeds)?;
         let played = Played::new(playground, &adapted.learner.policy, &trajectories);
         let alpha = inner.alpha(iteration);
-        let (learner, report) =
-            update(&adapted.learner, &played, demonstrated, (inner, alpha), &mut adam)
-                .map_err(|error| error.during(&format!("adaptation, iteration {iteration}")))?;
+        let (learner, report) = update(&adapted.learner, &played, demonstrated, (inner, alpha), &mut adam)
+            .map_err(|error| error.during(&format!("adaptation, iteration {iteration}")))?;
         adapted.learner = learner;
         adapted.curve.push(report);
     }
@@ -143,7 +172,8 @@ pub fn update(
         gail::fit(&learner.discriminator, &[&played.pairs], demonstrated, &inner.discriminator, adam)?;
     let rewards = gail::imitation_rewards(&discriminator, &played.pairs);
     let advantages = played.advantages(&rewards, &inner.advantage)?;
-    let step = trpo::step(&played.experiences(&learner.policy, &advantages, 1.0), &inner.trust_region, alpha)?;
+    let step =
+        trpo::step(&played.experiences(&learner.policy, &advantages, 1.0), &inner.trust_region, alpha)?;
     let policy = learner.policy.moved(&step.displacement);
     let report = UpdateReport::new(played, fit, &rewards, &step);
     Ok((Learner { policy, discriminator }, report))

@@ -115,7 +115,8 @@ fn features(rewarded: &Rewarded<'_>) -> Rows {
 }
 
 fn predict(features: &Rows, weights: &[f64]) -> Vec<f64> {
-    let value = |row: &[f32]| row.iter().zip(weights).map(|(feature, weight)| f64::from(*feature) * weight).sum();
+    let value =
+        |row: &[f32]| row.iter().zip(weights).map(|(feature, weight)| f64::from(*feature) * weight).sum();
     features.iter().map(value).collect()
 }
 
@@ -144,12 +145,12 @@ mod tests {
     #[test]
     fn generalized_advantages_equal_the_sum_of_discounted_surprises() {
         let (rewards, values) = ([1.0, -2.0, 0.5, 3.0], [0.3, 0.1, -0.7, 2.0]);
-        let surprise = |t: usize| {
-            f64::from(rewards[t]) + 0.5 * values.get(t + 1).copied().unwrap_or(0.0) - values[t]
-        };
+        let surprise =
+            |t: usize| f64::from(rewards[t]) + 0.5 * values.get(t + 1).copied().unwrap_or(0.0) - values[t];
         let found = generalized_advantages(&rewards, &values, &HALF);
         for (step, found) in found.iter().enumerate() {
-            let brute: f64 = (step..4).map(|later| 0.25f64.powi((later - step) as i32) * surprise(later)).sum();
+            let brute: f64 =
+                (step..4).map(|later| 0.25f64.powi((later - step) as i32) * surprise(later)).sum();
             assert!((brute - f64::from(*found)).abs() < 1e-6);
         }
     }

@@ -56,7 +56,9 @@ fn check_version(found: u32, name: &str) -> Result<()> {
     if found == FORMAT_VERSION {
         return Ok(());
     }
-    Err(Error::bad_input(format!("{name} has format version {found}; this demosift reads version {FORMAT_VERSION}")))
+    Err(Error::bad_input(format!(
+        "{name} has format version {found}; this demosift reads version {FORMAT_VERSION}"
+    )))
 }
 
 macro_rules! json_artifact {
@@ -79,7 +81,11 @@ json_artifact!(ScoreTable => "scores.json", Ranking => "ranking.json", Subset =>
 impl Artifact for Learner {
     fn keep(&self, ledger: &mut dyn Ledger, _: &str) -> Result<()> {
         let mut tensors = policy_tensors(&self.policy);
-        tensors.extend(network_tensors("discriminator", self.discriminator.network(), self.discriminator.parameters()));
+        tensors.extend(network_tensors(
+            "discriminator",
+            self.discriminator.network(),
+            self.discriminator.parameters(),
+        ));
         ledger.keep(PRIOR, &write_tensors(&tensors))
     }
 
@@ -148,7 +154,8 @@ pub fn read_checkpoint<State: DeserializeOwned>(bytes: &[u8], name: &str) -> Res
         .ok_or_else(|| Error::bad_input(format!("{name} is cut short: {} bytes", bytes.len())))?;
     check_version(u32::from_le_bytes(*version), name)?;
     postcard::from_bytes(state).map_err(|error| {
-        Error::bad_input(format!("{name} cannot be read: {error}")).with_hint("delete it to start this stage anew")
+        Error::bad_input(format!("{name} cannot be read: {error}"))
+            .with_hint("delete it to start this stage anew")
     })
 }
 
@@ -165,7 +172,11 @@ fn policy_tensors(policy: &Policy) -> Vec<Tensor> {
         ("observation_mean", policy.filter().mean()),
         ("observation_std", policy.filter().std()),
     ] {
-        tensors.push(Tensor { name: format!("policy.{name}"), shape: vec![values.len()], values: values.to_vec() });
+        tensors.push(Tensor {
+            name: format!("policy.{name}"),
+            shape: vec![values.len()],
+            values: values.to_vec(),
+        });
     }
     tensors
 }
@@ -190,8 +201,10 @@ fn network_tensors(prefix: &str, network: &Mlp, parameters: &[f32]) -> Vec<Tenso
 }
 
 fn write_tensors(tensors: &[Tensor]) -> Vec<u8> {
-    let bytes: Vec<Vec<u8>> =
-        tensors.iter().map(|tensor| tensor.values.iter().flat_map(|value| value.to_le_bytes()).collect()).collect();
+    let bytes: Vec<Vec<u8>> = tensors
+        .iter()
+        .map(|tensor| tensor.values.iter().flat_map(|value| value.to_le_bytes()).collect())
+        .collect();
     let views = tensors.iter().zip(&bytes).map(|(tensor, bytes)| {
         let view = TensorView::new(Dtype::F32, tensor.shape.clone(), bytes).expect("shape and bytes agree");
         (tensor.name.clone(), view)
@@ -219,7 +232,10 @@ impl<'a> Tensors<'a> {
             Error::bad_input(format!("{} has no tensor '{tensor}'; it has: {known}", self.name))
         })?;
         if view.dtype() != Dtype::F32 {
-            return Err(Error::bad_input(format!("{}: tensor '{tensor}' is not of 32-bit floats", self.name)));
+            return Err(Error::bad_input(format!(
+                "{}: tensor '{tensor}' is not of 32-bit floats",
+                self.name
+            )));
         }
         let (chunks, _) = view.data().as_chunks();
         Ok((view.shape().to_vec(), chunks.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()))
@@ -227,7 +243,9 @@ impl<'a> Tensors<'a> {
 
     fn network(&self, prefix: &str) -> Result<(Mlp, Vec<f32>)> {
         let (mut widths, mut parameters) = (Vec::new(), Vec::new());
-        while widths.is_empty() || self.tensors.tensor(&format!("{prefix}.{}.weight", widths.len() - 1)).is_ok() {
+        while widths.is_empty()
+            || self.tensors.tensor(&format!("{prefix}.{}.weight", widths.len() - 1)).is_ok()
+        {
             let index = widths.len().saturating_sub(1);
             let (shape, weight) = self.values(&format!("{prefix}.{index}.weight"))?;
             let (_, bias) = self.values(&format!("{prefix}.{index}.bias"))?;

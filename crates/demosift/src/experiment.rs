@@ -5,14 +5,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::adapt::InnerUpdate;
+use crate::adapt::{InnerUpdate, MetaPrior};
 use crate::artifact::{self, Artifact};
 use crate::demonstration::{DemoId, DemonstrationSet};
 use crate::environment::Specification;
 use crate::error::{Error, Result};
 use crate::imitate::{self, Imitation, ImitationState, LearningCurve};
 use crate::judge::{self, Judging, ScoreTable};
-use crate::meta_train::{self, MetaPrior, MetaState, MetaTraining};
+use crate::meta_train::{self, MetaState, MetaTraining};
 use crate::observer::{Event, Observer, Snapshot};
 use crate::policy::PolicyShape;
 use crate::rollout::Playground;
@@ -225,8 +225,7 @@ fn learning_curve_with(
         Ok(ImitationState::start(set, &config.policy, hidden, &seed.of("start")))
     };
     let (state, mut keeping) = Keeping::begin(*ledger, *observer, imitate::STAGE, part, start)?;
-    let curve =
-        imitate::imitate((set, demos), playground, imitation, state, seed, (part, &mut keeping))?;
+    let curve = imitate::imitate((set, demos), playground, imitation, state, seed, (part, &mut keeping))?;
     keeping.finish(part, &curve)?;
     Ok(curve)
 }

@@ -265,7 +265,8 @@ mod tests {
         let start = Discriminator::undecided(&[16, 16], 3, Seed::new(0));
         let fitting = Fitting { learning_rate: 0.01, steps: 100, entropy: 0.001 };
         let mut adam = Adam::new(start.parameters().len());
-        let (fitted, report) = fit(&start, &[&agent], &[&demonstration], &fitting, &mut adam).expect("finite");
+        let (fitted, report) =
+            fit(&start, &[&agent], &[&demonstration], &fitting, &mut adam).expect("finite");
         assert!(report.accuracy > 0.9, "accuracy {}", report.accuracy);
         (fitted, agent, demonstration)
     }

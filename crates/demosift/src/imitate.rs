@@ -11,7 +11,6 @@ use crate::environment::EnvVariant;
 use crate::error::{Error, Result};
 use crate::gail;
 use crate::heuristic::Score;
-use crate::meta_train::untrained_learner;
 use crate::nn::adam::Adam;
 use crate::observer::{Event, Observer};
 use crate::policy::{Policy, PolicyShape};
@@ -81,7 +80,7 @@ pub const STAGE: &str = "imitate";
 impl ImitationState {
     /// A learner that knows nothing.
     pub fn start(set: &DemonstrationSet, shape: &PolicyShape, hidden: &[usize], seed: &Seed) -> Self {
-        let learner = untrained_learner(set, shape, hidden, seed);
+        let learner = Learner::untrained(set, shape, hidden, seed);
         Self {
             updates: 0,
             environment_steps: 0,

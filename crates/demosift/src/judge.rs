@@ -17,12 +17,11 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::adapt::{self, InnerUpdate, Learner, UpdateReport};
+use crate::adapt::{self, InnerUpdate, MetaPrior, UpdateReport};
 use crate::demonstration::{DemoId, DemonstrationSet};
 use crate::environment::EnvVariant;
 use crate::error::Result;
 use crate::heuristic::Score;
-use crate::meta_train::{MetaPrior, demonstrated_pairs};
 use crate::observer::{Event, Observer};
 use crate::policy::Policy;
 use crate::rollout::{self, Acting, Playground};
@@ -98,10 +97,12 @@ pub fn judge(
     mut table: ScoreTable,
     (seed, observer): (&Seed, &mut dyn Observer),
 ) -> Result<ScoreTable> {
-    let demonstrated = demonstrated_pairs(set, prior.policy.filter());
+    let demonstrated = prior.demonstrated_pairs(set);
     let variants = playground.specification().variant_ids();
-    let targets: Vec<(EnvVariant, DemoId)> =
-        variants.into_iter().flat_map(|variant| set.ids().into_iter().map(move |demo| (variant, demo))).collect();
+    let targets: Vec<(EnvVariant, DemoId)> = variants
+        .into_iter()
+        .flat_map(|variant| set.ids().into_iter().map(move |demo| (variant, demo)))
+        .collect();
     observer.on(Event::Started { stage: STAGE, done: table.suitabilities.len(), total: targets.len() });
     for (variant, demo) in targets.iter().skip(table.suitabilities.len()) {
         let judge = Judge { playground, judging, inner, variant: *variant, seed: seed.at(variant.0) };
@@ -130,7 +131,7 @@ impl Judge<'_> {
     /// Lines 3 to 12 for one demonstration.
     fn judge_one(
         &self,
-        prior: &Learner,
+        prior: &MetaPrior,
         (demo, demonstrated): (DemoId, &Rows),
         before: Vec<Score>,
     ) -> Result<Suitability> {
@@ -158,7 +159,8 @@ impl Judge<'_> {
 
 fn report(suitability: &Suitability, observer: &mut dyn Observer) {
     for (repeat, curve) in suitability.curves.iter().enumerate() {
-        let part = format!("variant {} demonstration {} repeat {repeat}", suitability.variant.0, suitability.demo);
+        let part =
+            format!("variant {} demonstration {} repeat {repeat}", suitability.variant.0, suitability.demo);
         for (iteration, update) in curve.iter().enumerate() {
             observer.on(Event::Measured {
                 stage: STAGE,

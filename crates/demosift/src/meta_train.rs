@@ -20,13 +20,12 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::adapt::{self, InnerUpdate, Learner, Played, UpdateReport};
+use crate::adapt::{self, InnerUpdate, Learner, MetaPrior, Played, UpdateReport};
 use crate::demonstration::{DemoId, DemonstrationSet};
 use crate::environment::EnvVariant;
 use crate::error::{Error, Result};
-use crate::gail::{self, Discriminator};
+use crate::gail;
 use crate::nn::adam::Adam;
-use crate::observation_filter::{Moments, ObservationFilter};
 use crate::observer::{Event, Observer};
 use crate::policy::{Policy, PolicyShape};
 use crate::rollout::{self, Acting, Playground};
@@ -52,9 +51,6 @@ pub struct MetaTraining {
     pub checkpoint_every: usize,
 }
 
-/// θ and D_meta: what adapts quickly to any demonstration.
-pub type MetaPrior = Learner;
-
 /// Where meta-training stands after some rounds; from here it goes on to the identical result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MetaState {
@@ -78,7 +74,7 @@ pub fn meta_train(
     seed: &Seed,
     observer: &mut dyn Observer,
 ) -> Result<MetaPrior> {
-    let demonstrated = demonstrated_pairs(set, state.prior.policy.filter());
+    let demonstrated = state.prior.demonstrated_pairs(set);
     observer.on(Event::Started { stage: STAGE, done: state.rounds, total: training.rounds });
     while state.rounds < training.rounds {
         let tasks = tasks_of_round(set, playground, training.meta_batch, seed.of("batch").at(state.rounds));
@@ -104,35 +100,10 @@ impl MetaState {
         discriminator_hidden: &[usize],
         seed: &Seed,
     ) -> Self {
-        let prior = untrained_learner(set, shape, discriminator_hidden, seed);
+        let prior = Learner::untrained(set, shape, discriminator_hidden, seed);
         let discriminator_adam = Adam::new(prior.discriminator.parameters().len());
         Self { rounds: 0, prior, discriminator_adam }
     }
-}
-
-/// A learner that knows nothing, behind the filter of the whole set: the start of meta-training and of imitation from scratch.
-pub fn untrained_learner(
-    set: &DemonstrationSet,
-    shape: &PolicyShape,
-    discriminator_hidden: &[usize],
-    seed: &Seed,
-) -> Learner {
-    let filter = filter_of(set);
-    let policy = Policy::untrained(shape, filter, set.action_size(), seed.of("policy"));
-    let pair_size = set.observation_size() + set.action_size();
-    Learner { policy, discriminator: Discriminator::undecided(discriminator_hidden, pair_size, seed.of("discriminator")) }
-}
-
-/// The filter that all of a set's demonstrations share: no demonstration has a scale of its own.
-fn filter_of(set: &DemonstrationSet) -> ObservationFilter {
-    let mut moments = Moments::default();
-    set.iter().for_each(|(_, demonstration)| moments.add(demonstration.observations()));
-    moments.filter()
-}
-
-/// The pairs of each demonstration, in the order of the set.
-pub fn demonstrated_pairs(set: &DemonstrationSet, filter: &ObservationFilter) -> Vec<Rows> {
-    set.iter().map(|(_, demonstration)| gail::demonstrated_pairs(demonstration, filter)).collect()
 }
 
 /// What came of one demonstration under one variant in a round.
@@ -187,7 +158,14 @@ fn round(
         .map(|(demo, variant)| {
             let (_, before) = before.iter().find(|(played, _)| played == variant).expect("played above");
             let seed = seed.of("after").at(variant.0);
-            adapt_and_play(prior, (*demo, &demonstrated[demo.0]), before, playground, (*variant, inner), &seed)
+            adapt_and_play(
+                prior,
+                (*demo, &demonstrated[demo.0]),
+                before,
+                playground,
+                (*variant, inner),
+                &seed,
+            )
         })
         .collect()
 }
@@ -228,7 +206,9 @@ fn meta_update_policy(
     let experiences: Vec<_> = outcomes
         .iter()
         .zip(&advantages)
-        .flat_map(|(outcome, advantages)| outcome.after.experiences(&outcome.adapted.policy, advantages, weight))
+        .flat_map(|(outcome, advantages)| {
+            outcome.after.experiences(&outcome.adapted.policy, advantages, weight)
+        })
         .collect();
     let step = trpo::step(&experiences, region, 1.0)?;
     *policy = policy.moved(&step.displacement);
@@ -265,12 +245,10 @@ fn meta_update_discriminator(
 }
 
 fn report(state: &MetaState, outcomes: &[Outcome], step: &Step, observer: &mut dyn Observer) {
-    let mean = |value: &dyn Fn(&Outcome) -> f64| {
-        outcomes.iter().map(value).sum::<f64>() / outcomes.len() as f64
-    };
-    let after = |outcome: &Outcome| {
-        outcome.after.scores.iter().sum::<f64>() / outcome.after.scores.len() as f64
-    };
+    let mean =
+        |value: &dyn Fn(&Outcome) -> f64| outcomes.iter().map(value).sum::<f64>() / outcomes.len() as f64;
+    let after =
+        |outcome: &Outcome| outcome.after.scores.iter().sum::<f64>() / outcome.after.scores.len() as f64;
     observer.on(Event::Measured {
         stage: STAGE,
         part: "",

@@ -143,7 +143,8 @@ impl Environment for Point {
 ///
 /// Bearings near 0 are good demonstrations, those near 180 the worst.
 pub fn planted_set(bearings: &[f32], seed: Seed) -> Result<DemonstrationSet> {
-    let demonstrations = bearings.iter().enumerate().map(|(index, bearing)| planted(*bearing, seed.at(index)));
+    let demonstrations =
+        bearings.iter().enumerate().map(|(index, bearing)| planted(*bearing, seed.at(index)));
     DemonstrationSet::new(demonstrations.collect::<Result<_>>()?)
 }
 

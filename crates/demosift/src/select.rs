@@ -70,7 +70,9 @@ fn entry(table: &ScoreTable, demo: DemoId, counts: &impl Fn(EnvVariant) -> bool)
 pub fn top_k(ranking: &Ranking, k: usize) -> Result<Subset> {
     let count = ranking.entries.len();
     if k == 0 || k > count {
-        return Err(Error::bad_config(format!("keep = {k}, and must be from 1 to the {count} demonstrations there are")));
+        return Err(Error::bad_config(format!(
+            "keep = {k}, and must be from 1 to the {count} demonstrations there are"
+        )));
     }
     Ok(Subset { demos: ranking.entries.iter().take(k).map(|entry| entry.demo).collect() })
 }
@@ -112,7 +114,8 @@ mod tests {
     fn the_top_k_are_among_the_top_k_plus_one() {
         let ranking = rank(&table(&[(0, 0, 1.0), (0, 1, 5.0), (0, 2, 3.0), (0, 3, -1.0)]));
         for k in 1..4 {
-            let (fewer, more) = (top_k(&ranking, k).expect("in range"), top_k(&ranking, k + 1).expect("in range"));
+            let (fewer, more) =
+                (top_k(&ranking, k).expect("in range"), top_k(&ranking, k + 1).expect("in range"));
             assert!(fewer.demos.iter().all(|demo| more.demos.contains(demo)));
         }
         assert!(top_k(&ranking, 0).expect_err("out of range").is_bad_config());

@@ -107,13 +107,17 @@ pub fn step(experiences: &[Experience<'_>], region: &TrustRegion, alpha: f64) ->
     let predicted = largest * dot(&gradient, &direction);
     let bound = region.max_kl * alpha * alpha;
     let accepted = backtrack(SHRINK, ATTEMPTS, |fraction| {
-        let displacement: Vec<f32> = direction.iter().map(|value| value * (largest * fraction) as f32).collect();
+        let displacement: Vec<f32> =
+            direction.iter().map(|value| value * (largest * fraction) as f32).collect();
         let (improvement, kl) = improvement_and_kl(&mut batches, &displacement);
-        let accept = improvement >= region.accept_ratio * predicted * fraction && improvement > 0.0 && kl <= bound;
+        let accept =
+            improvement >= region.accept_ratio * predicted * fraction && improvement > 0.0 && kl <= bound;
         accept.then_some((displacement, improvement, kl))
     });
     Ok(match accepted {
-        Some((_, (displacement, improvement, kl))) => Step { displacement, kl, improvement, end: StepEnd::Moved },
+        Some((_, (displacement, improvement, kl))) => {
+            Step { displacement, kl, improvement, end: StepEnd::Moved }
+        }
         None => Step::none(gradient.len(), StepEnd::SearchFailed),
     })
 }
@@ -151,8 +155,7 @@ impl<'a> Batch<'a> {
     fn new(experience: &'a Experience<'a>) -> Self {
         let Experience { policy, observations, actions, .. } = experience;
         let mut tape = Tape::default();
-        let means =
-            policy.network().forward(policy.network_parameters(), observations, &mut tape).to_vec();
+        let means = policy.network().forward(policy.network_parameters(), observations, &mut tape).to_vec();
         let mut log_probabilities = Vec::new();
         gaussian::log_probabilities(&means, policy.log_std(), actions, &mut log_probabilities);
         Self { experience, tape, trial_tape: Tape::default(), means, log_probabilities }
@@ -184,10 +187,8 @@ impl<'a> Batch<'a> {
         let Experience { policy, observations, advantages, weight, .. } = *self.experience;
         let (network_direction, log_std_direction) = direction.split_at(policy.network().parameter_count());
         let parameters = policy.network_parameters();
-        let mut tangents = policy
-            .network()
-            .jvp(parameters, observations, &mut self.tape, network_direction)
-            .to_vec();
+        let mut tangents =
+            policy.network().jvp(parameters, observations, &mut self.tape, network_direction).to_vec();
         let scale = (weight / advantages.len() as f64) as f32;
         let mean_metric: Vec<f32> =
             policy.log_std().iter().map(|log_std| (-2.0 * log_std).exp() * scale).collect();
@@ -207,20 +208,24 @@ impl<'a> Batch<'a> {
     fn improvement_and_kl(&mut self, displacement: &[f32]) -> (f64, f64) {
         let Experience { policy, observations, actions, advantages, weight } = *self.experience;
         let moved = policy.moved(displacement);
-        let means =
-            moved.network().forward(moved.network_parameters(), observations, &mut self.trial_tape);
+        let means = moved.network().forward(moved.network_parameters(), observations, &mut self.trial_tape);
         let kl = f64::from(gaussian::kl(&self.means, policy.log_std(), means, moved.log_std()));
         let mut log_probabilities = Vec::new();
         gaussian::log_probabilities(means, moved.log_std(), actions, &mut log_probabilities);
-        let gains = log_probabilities.iter().zip(&self.log_probabilities).zip(advantages).map(
-            |((new, old), advantage)| (f64::from(new - old).exp() - 1.0) * f64::from(*advantage),
-        );
+        let gains = log_probabilities
+            .iter()
+            .zip(&self.log_probabilities)
+            .zip(advantages)
+            .map(|((new, old), advantage)| (f64::from(new - old).exp() - 1.0) * f64::from(*advantage));
         (weight * gains.sum::<f64>() / advantages.len() as f64, weight * kl)
     }
 }
 
 /// The batches' vectors, made in parallel and summed in order, so that threads do not change a bit.
-fn total<'a>(batches: &mut [Batch<'a>], vector: impl Fn(&mut Batch<'a>) -> Vec<f32> + Sync + Send) -> Vec<f32> {
+fn total<'a>(
+    batches: &mut [Batch<'a>],
+    vector: impl Fn(&mut Batch<'a>) -> Vec<f32> + Sync + Send,
+) -> Vec<f32> {
     let vectors: Vec<Vec<f32>> = batches.par_iter_mut().map(vector).collect();
     let mut vectors = vectors.into_iter();
     let mut sum = vectors.next().unwrap_or_default();

@@ -8,9 +8,22 @@ use std::sync::LazyLock;
 ///
 /// The loop and all that it calls must be `#[inline(always)]`, or it is compiled for the oldest processor after all.
 #[inline(always)]
-pub(crate) fn vectorized<Loop: NullaryFnOnce>(run: Loop) -> Loop::Output {
+pub(crate) fn vectorized<R>(run: impl FnMut() -> R) -> R {
     static ARCH: LazyLock<Arch> = LazyLock::new(Arch::new);
-    ARCH.dispatch(run)
+    ARCH.dispatch(Loop(run))
+}
+
+/// Calls the loop as `FnMut`: called as `FnOnce`, the way pulp takes closures, a shim that is not always inlined would
+/// stand between the dispatch and the loop.
+struct Loop<F>(F);
+
+impl<R, F: FnMut() -> R> NullaryFnOnce for Loop<F> {
+    type Output = R;
+
+    #[inline(always)]
+    fn call(mut self) -> R {
+        (self.0)()
+    }
 }
 
 /// softplus x = ln(1 + eˣ) = max(x, 0) + ln(1 + e^−|x|), for each number; right at both ends.
@@ -18,7 +31,7 @@ pub fn softplus_in_place(values: &mut [f32]) {
     vectorized(
         #[inline(always)]
         || {
-            for x in values {
+            for x in values.iter_mut() {
                 *x = x.max(0.0) + ln_one_plus(exp_of_negative(-x.abs()));
             }
         },
@@ -30,7 +43,7 @@ pub fn sigmoid_in_place(values: &mut [f32]) {
     vectorized(
         #[inline(always)]
         || {
-            for x in values {
+            for x in values.iter_mut() {
                 // With e^−|x| nothing overflows: σ(|x|) = 1/(1+u), σ(−|x|) = u/(1+u).
                 let u = exp_of_negative(-x.abs());
                 *x = if *x >= 0.0 { 1.0 } else { u } / (1.0 + u);

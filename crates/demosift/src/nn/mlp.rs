@@ -46,6 +46,8 @@ pub struct Tape<T> {
     activations: Vec<T>,
     output_start: usize,
     tangents: Vec<T>,
+    /// The weights, each transposed, where they are in the parameters: the product would do it anew for each block.
+    transposed: Vec<T>,
     current: Vec<T>,
     next: Vec<T>,
 }
@@ -172,22 +174,24 @@ impl Mlp {
         if rows.len() <= FEW_ROWS {
             vectorized(
                 #[inline(always)]
-                || few_rows_affine(weight, bias, input, output),
+                || few_rows_times(input, weight, output, layer.outputs),
             );
         } else {
             let weight = Matrix::new(weight, layer.inputs, layer.outputs);
             product(Matrix::new(input, rows.len(), layer.inputs), weight, output, Target::Overwrite);
-            vectorized(
-                #[inline(always)]
-                || output.chunks_exact_mut(bias.len()).for_each(|row| add_to(row, bias)),
-            );
         }
-        if is_hidden {
-            vectorized(
-                #[inline(always)]
-                || output.iter_mut().for_each(|value| *value = value.tanh()),
-            );
-        }
+        vectorized(
+            #[inline(always)]
+            || {
+                for row in output.chunks_exact_mut(bias.len()) {
+                    if is_hidden {
+                        row.iter_mut().zip(bias).for_each(|(value, bias)| *value = (*value + *bias).tanh());
+                    } else {
+                        add_to(row, bias);
+                    }
+                }
+            },
+        );
     }
 
     /// Adds Jᵀ · `output_cotangents` `[batch, out]` to `gradient` `[parameter_count]`: the gradient of Σ cotangent · output.
@@ -204,11 +208,12 @@ impl Mlp {
         let batch = self.check_tape(parameters, inputs, tape);
         assert_eq!(output_cotangents.len(), batch * self.output_width(), "cotangents of the outputs");
         assert_eq!(gradient.len(), parameters.len(), "length of the gradient");
+        self.transpose_weights(parameters, &mut tape.transposed);
         for rows in blocks(batch) {
             tape.current.clear();
             tape.current.extend_from_slice(of_rows(output_cotangents, &rows, self.output_width()));
             for index in (0..self.layers()).rev() {
-                self.layer_backward(index, &rows, parameters, inputs, tape, gradient);
+                self.layer_backward(index, &rows, inputs, tape, gradient);
             }
         }
     }
@@ -219,13 +224,12 @@ impl Mlp {
         &self,
         index: usize,
         rows: &Range<usize>,
-        parameters: &[T],
         inputs: &[T],
         tape: &mut Tape<T>,
         gradient: &mut [T],
     ) {
         let layer = self.layer(index);
-        let Tape { batch, activations, current, next, .. } = tape;
+        let Tape { batch, activations, transposed, current, next, .. } = tape;
         let input = match index {
             0 => of_rows(inputs, rows, layer.inputs),
             _ => of_rows(&activations[self.activation_start(index - 1, *batch)..], rows, layer.inputs),
@@ -242,13 +246,25 @@ impl Mlp {
             return;
         }
         next.resize(rows.len() * layer.inputs, T::ZERO);
-        let weight = Matrix::new(&parameters[layer.weight.clone()], layer.inputs, layer.outputs);
-        product(delta, weight.transposed(), next, Target::Overwrite);
+        let transposed = Matrix::new(&transposed[layer.weight], layer.outputs, layer.inputs);
+        product(delta, transposed, next, Target::Overwrite);
         vectorized(
             #[inline(always)]
             || through_tanh(next, input),
         );
         std::mem::swap(current, next);
+    }
+
+    fn transpose_weights<T: Real>(&self, parameters: &[T], transposed: &mut Vec<T>) {
+        transposed.resize(parameters.len(), T::ZERO);
+        for index in 1..self.layers() {
+            let LayerLayout { weight, inputs, outputs, .. } = self.layer(index);
+            let targets = transposed[weight.clone()].chunks_exact_mut(inputs);
+            for (column, target) in (0..outputs).zip(targets) {
+                let source = parameters[weight.clone()].iter().skip(column).step_by(outputs);
+                target.iter_mut().zip(source).for_each(|(target, value)| *target = *value);
+            }
+        }
     }
 
     /// J · `direction` `[batch, out]`: how fast the outputs change when the parameters move along `direction`.
@@ -363,27 +379,26 @@ fn through_tanh<T: Real>(values: &mut [T], activations: &[T]) {
     }
 }
 
-/// output = input · weight + bias, row by row, for a few rows.
+/// output = input · weight for a few rows, one by one.
 #[inline(always)]
-fn few_rows_affine<T: Real>(weight: &[T], bias: &[T], input: &[T], output: &mut [T]) {
-    let width = bias.len();
+fn few_rows_times<T: Real>(input: &[T], weight: &[T], output: &mut [T], width: usize) {
     let inputs = weight.len() / width;
     for (input, output) in input.chunks_exact(inputs).zip(output.chunks_exact_mut(width)) {
         let mut start = 0;
         while start + 64 <= width {
-            columns_affine::<T, 64>(weight, bias, input, output, start);
+            row_times_columns::<T, 64>(input, weight, output, start);
             start += 64;
         }
         while start + 16 <= width {
-            columns_affine::<T, 16>(weight, bias, input, output, start);
+            row_times_columns::<T, 16>(input, weight, output, start);
             start += 16;
         }
         while start + 4 <= width {
-            columns_affine::<T, 4>(weight, bias, input, output, start);
+            row_times_columns::<T, 4>(input, weight, output, start);
             start += 4;
         }
         while start < width {
-            columns_affine::<T, 1>(weight, bias, input, output, start);
+            row_times_columns::<T, 1>(input, weight, output, start);
             start += 1;
         }
     }
@@ -391,16 +406,9 @@ fn few_rows_affine<T: Real>(weight: &[T], bias: &[T], input: &[T], output: &mut 
 
 /// The outputs `start..start + WIDTH` of one row, their sums held in registers.
 #[inline(always)]
-fn columns_affine<T: Real, const WIDTH: usize>(
-    weight: &[T],
-    bias: &[T],
-    input: &[T],
-    output: &mut [T],
-    start: usize,
-) {
+fn row_times_columns<T: Real, const WIDTH: usize>(input: &[T], weight: &[T], output: &mut [T], start: usize) {
     let mut sums = [T::ZERO; WIDTH];
-    sums.copy_from_slice(&bias[start..start + WIDTH]);
-    for (x, weights) in input.iter().zip(weight.chunks_exact(bias.len())) {
+    for (x, weights) in input.iter().zip(weight.chunks_exact(output.len())) {
         for (sum, w) in sums.iter_mut().zip(&weights[start..start + WIDTH]) {
             *sum += *x * *w;
         }

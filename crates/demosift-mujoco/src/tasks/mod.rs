@@ -1,0 +1,3 @@
+//! What `task.toml` cannot say of the tasks that come with demosift.
+
+pub(crate) mod free_throw;

@@ -1,0 +1,113 @@
+//! Free Throw can be thrown, by physics alone, and tells throws apart.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+use demosift::environment::{EnvVariant, Environment, Task};
+use demosift::rows::Rows;
+use demosift::seed::Seed;
+use demosift_mujoco::mujoco_task::MujocoTask;
+use demosift_mujoco::registry;
+use rand::RngExt;
+
+const HORIZON: usize = 60;
+const ACTIONS: usize = 21;
+
+/// Torques of shoulder (flexion, sideways), elbow and back in four control steps each; found by search in this model.
+const THROW: [[f32; 4]; 3] = [[1.0, -0.43, 1.0, 0.55], [1.0, 0.28, 0.77, 0.0], [-0.4, -0.2, 1.0, -0.83]];
+
+struct Episode {
+    score: f64,
+    scored: bool,
+    rewards: Vec<f32>,
+    measurements: Rows,
+}
+
+fn play(task: &MujocoTask, seed: u64, mut act: impl FnMut(usize, &mut [f32])) -> Episode {
+    let specification = task.specification();
+    let mut environment = task.mujoco_environment().unwrap();
+    let mut observation = vec![0.0; specification.observation_size];
+    let mut now = vec![0.0; specification.measurements.len()];
+    environment.reset(EnvVariant(0), Seed::new(seed), &mut observation, &mut now);
+    let (mut all, mut rewards) = (now.clone(), Vec::new());
+    for step in 0..HORIZON {
+        let mut action = [0.0; ACTIONS];
+        act(step, &mut action);
+        let outcome = environment.step(&action, &mut observation, &mut now);
+        assert!(!outcome.terminated && outcome.task_reward.is_finite());
+        assert!(observation.iter().all(|value| value.is_finite()));
+        rewards.push(outcome.task_reward);
+        all.extend_from_slice(&now);
+    }
+    assert_eq!(environment.warnings(), 0, "MuJoCo warned in the episode of seed {seed}");
+    let measurements = Rows::from_flat(all, now.len()).unwrap();
+    let score = task.heuristic().score(&measurements);
+    Episode { score, scored: task.succeeded(&measurements).unwrap(), rewards, measurements }
+}
+
+/// The scripted throw with all its torques times `strength`.
+fn throw(task: &MujocoTask, seed: u64, strength: f32) -> Episode {
+    let joints = ["right_shoulder_y", "right_shoulder_x", "right_elbow", "abdomen_y"];
+    let actuators = joints.map(|name| actuator(task, name));
+    play(task, seed, |step, action| {
+        if let Some(torques) = THROW.get(step / 4) {
+            actuators.iter().zip(torques).for_each(|(at, torque)| action[*at] = strength * torque);
+        }
+    })
+}
+
+fn actuator(task: &MujocoTask, name: &str) -> usize {
+    task.model().mujoco().actuator(name).unwrap().id
+}
+
+#[test]
+fn sizes_are_those_of_table_2() {
+    let task = registry::load("free_throw").unwrap();
+    let specification = task.specification();
+    assert_eq!((specification.observation_size, specification.action_size), (55, ACTIONS));
+    assert_eq!(specification.horizon, HORIZON);
+    assert!((specification.control_step_secs - 0.025).abs() < 1e-12);
+}
+
+#[test]
+fn a_scripted_throw_scores_from_most_starts_and_a_weaker_one_from_none() {
+    let task = registry::load("free_throw").unwrap();
+    let good: Vec<Episode> = (0..40).map(|seed| throw(&task, seed, 1.0)).collect();
+    let weak: Vec<Episode> = (0..40).map(|seed| throw(&task, seed, 0.7)).collect();
+    let scored = good.iter().filter(|episode| episode.scored).count();
+    assert!(scored >= 34, "{scored} of 40 throws scored");
+    assert!(weak.iter().all(|episode| !episode.scored));
+    let worst = |episodes: &[Episode]| episodes.iter().map(|episode| episode.score).fold(0.0, f64::min);
+    let best = |episodes: &[Episode]| episodes.iter().map(|episode| episode.score).fold(f64::MIN, f64::max);
+    assert!(worst(&good) > best(&weak), "{} against {}", worst(&good), best(&weak));
+}
+
+#[test]
+fn a_score_pays_its_hundred_once_and_a_throw_is_paid_while_it_flies() {
+    let task = registry::load("free_throw").unwrap();
+    let episode = (0..40).map(|seed| throw(&task, seed, 1.0)).find(|episode| episode.scored).unwrap();
+    assert_eq!(episode.rewards.iter().filter(|reward| **reward > 99.0).count(), 1);
+    let flying: f32 = episode.rewards[10..25].iter().sum();
+    let holding: f32 = play(&task, 1, |_, _| ()).rewards[10..25].iter().sum();
+    assert!(flying > 4.0 * holding, "{flying} against {holding}");
+}
+
+#[test]
+fn the_ball_stays_in_the_hand_while_no_torque_is_applied() {
+    let task = registry::load("free_throw").unwrap();
+    let height = task.specification().measurement("above_rim").unwrap();
+    for seed in 0..10 {
+        let episode = play(&task, seed, |_, _| ());
+        let (first, last) = (episode.measurements.row(0)[height], episode.measurements.row(HORIZON)[height]);
+        assert!((first - last).abs() < 0.08, "the ball moved from {first} to {last}");
+        assert!(!episode.scored);
+    }
+}
+
+#[test]
+fn ten_thousand_random_control_steps_neither_warn_nor_score() {
+    let task = registry::load("free_throw").unwrap();
+    let mut rng = Seed::new(5).into_rng();
+    for seed in 0..167 {
+        let episode = play(&task, seed, |_, action| action.fill_with(|| rng.random_range(-1.0..=1.0)));
+        assert!(!episode.scored);
+    }
+}

@@ -1,0 +1,230 @@
+//! What a user can get wrong in a task, and what they are told.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+use demosift::Error;
+use demosift_mujoco::mujoco_task::MujocoTask;
+use demosift_mujoco::registry;
+
+const MODEL: &str = r#"
+<mujoco>
+  <worldbody>
+    <geom name="floor" type="plane" size="5 5 1"/>
+    <camera name="front" pos="0 -3 1"/>
+    <body name="cart" pos="0 0 1">
+      <joint name="slider" type="slide" axis="1 0 0"/>
+      <geom name="box" size="0.1"/>
+      <site name="cart" pos="0 0 0.2"/>
+    </body>
+    <body name="ball" pos="2 0 1"><freejoint name="ball"/><geom name="leather" size="0.1"/></body>
+  </worldbody>
+  <actuator><motor name="push" joint="slider" ctrllimited="true" ctrlrange="-2 4"/></actuator>
+</mujoco>"#;
+
+const TASK: &str = r#"
+name = "cart"
+model = "cart.xml"
+frame_skip = 2
+horizon = 10
+observation = [{ qpos = "all" }, { qvel = ["slider"] }, "phase"]
+
+[measurements]
+x = { qpos = "slider" }
+
+[heuristic]
+fold = "max"
+of = "x"
+"#;
+
+fn load(task: &str, model: &str) -> Result<MujocoTask, Error> {
+    MujocoTask::from_texts(task, &[("cart.xml", model)], None)
+}
+
+/// The error after replacing `old` by `new` in the good task.
+fn error_of(old: &str, new: &str) -> String {
+    assert!(TASK.contains(old), "{old}");
+    let error = load(&TASK.replace(old, new), MODEL).err().unwrap();
+    assert!(error.is_bad_config() || error.is_bad_input(), "{error}");
+    error.to_string()
+}
+
+#[test]
+fn the_good_task_is_good() {
+    load(TASK, MODEL).unwrap();
+}
+
+#[test]
+fn each_mistake_is_named_with_what_would_have_been_right() {
+    for (old, new, wanted) in [
+        (
+            r#"qpos = "slider""#,
+            r#"qpos = "slide""#,
+            &["measurements.x: no joint is called 'slide'", "slider, ball"][..],
+        ),
+        (
+            r#"["slider"]"#,
+            r#"["slider", "hip"]"#,
+            &["observation: qvel: no joint is called 'hip'", "slider, ball"],
+        ),
+        (
+            r#"qpos = "all""#,
+            r#"qpos = { except = ["hip"] }"#,
+            &["observation: qpos: no joint is called 'hip'"],
+        ),
+        (
+            r#"qpos = "all""#,
+            r#"qpos = 3"#,
+            &["invalid type: integer `3`", "a joint's name, a list of names", "qpos = 3"],
+        ),
+        (r#"qpos = "all""#, r#"angle = "all""#, &["unknown variant `angle`", "`qpos`", "`contact_wrench`"]),
+        (r#"of = "x""#, r#"of = "y""#, &["heuristic: of: no measurement is called 'y'", "has: x"]),
+        (r#"of = "x""#, "of = 1", &["the name of a measurement, or a list of names"]),
+        (r#"fold = "max""#, r#"fold = "best""#, &["unknown variant `best`", "`last_minus_first`"]),
+        ("horizon = 10", r#"horizon = "ten""#, &[r#"invalid type: string "ten""#, "nonzero", "horizon"]),
+        ("horizon = 10", "horizon = 0", &["invalid value: integer `0`", "nonzero"]),
+        ("horizon = 10", "horizont = 10", &["unknown field `horizont`", "`horizon`"]),
+        ("frame_skip = 2", "", &["missing field `frame_skip`"]),
+        (
+            r#"{ qpos = "slider" }"#,
+            r#"{ qpos = "ball" }"#,
+            &["measurements.x: the joint 'ball' has 7 positions"],
+        ),
+        (
+            r#"{ qpos = "slider" }"#,
+            r#"{ height = "cart" }"#,
+            &["names more than one thing", "site:cart", "body:cart"],
+        ),
+        (
+            r#"{ qpos = "slider" }"#,
+            r#"{ height = "hat" }"#,
+            &["no site or geom or body is called 'hat'", "leather"],
+        ),
+        (r#"{ qpos = "slider" }"#, r#"{ height = "hat:cart" }"#, &["'hat:' is not a kind of place"]),
+        (r#"{ qpos = "slider" }"#, r#"{ contact = ["floor", "site:cart"] }"#, &["sites touch nothing"]),
+        (r#"{ qpos = "slider" }"#, r#"{ distance = ["floor"] }"#, &["array of length 2"]),
+        (
+            "[measurements]",
+            "reward = [{ weight = 1.0 }]\n[measurements]",
+            &["reward: a term is one of", "rate_of"],
+        ),
+        (
+            "[measurements]",
+            "reward = [{ rate_of = 'z' }]\n[measurements]",
+            &["reward: no measurement is called 'z'"],
+        ),
+        (
+            "[measurements]",
+            "camera = 'back'\n[measurements]",
+            &["camera: no camera is called 'back'", "front"],
+        ),
+        (
+            "[heuristic]",
+            "[reset]\nkeyframe = 'home'\n[heuristic]",
+            &["reset: no keyframe is called 'home'", "none"],
+        ),
+        (
+            "[heuristic]",
+            "[reset]\nqpos = { ball = 1 }\n[heuristic]",
+            &["reset: qpos.ball: this joint takes 7", "[1.0]"],
+        ),
+        (
+            "[heuristic]",
+            "[reset]\nqvel_noise = { normal = -1 }\n[heuristic]",
+            &["reset: qvel_noise: noise is"],
+        ),
+        (
+            "[heuristic]",
+            "[reset]\nqpos_noise = { uniform = 1, except = ['b'] }\n[heuristic]",
+            &["no joint is called 'b'"],
+        ),
+        (
+            "[heuristic]",
+            "[success]\nfold = 'max'\nof = 'x'\n[heuristic]",
+            &["success: needs exactly one of: above, below"],
+        ),
+        (
+            "[heuristic]",
+            "[[variant]]\nname='a'\n[[variant]]\nname='a'\n[heuristic]",
+            &["two variants are called 'a'"],
+        ),
+        (
+            "[heuristic]",
+            "[[variant]]\nname='a'\nqvel = { c = 1 }\n[heuristic]",
+            &["variant 'a': qvel: no joint is called 'c'"],
+        ),
+        ("cart.xml", "card.xml", &["no model file is called 'card.xml'", "cart.xml"]),
+    ] {
+        let message = error_of(old, new);
+        for part in wanted {
+            assert!(message.contains(part), "{new}\nwanted: {part}\ngot: {message}");
+        }
+    }
+}
+
+#[test]
+fn a_wrong_model_is_named_with_the_reason() {
+    let error = load(TASK, "<mujoco><worldbody><body name='a'></mujoco>").err().unwrap();
+    assert!(error.to_string().contains("MuJoCo rejects the model"), "{error}");
+    let unlimited = MODEL.replace(r#" ctrllimited="true" ctrlrange="-2 4""#, "");
+    let error = load(TASK, &unlimited).err().unwrap();
+    assert!(error.to_string().contains("the actuator push has no ctrlrange"), "{error}");
+    let (before, after) = MODEL.split_at(MODEL.find("<actuator>").unwrap());
+    let passive = format!("{before}{}", &after[after.find("</mujoco>").unwrap()..]);
+    let error = load(TASK, &passive).err().unwrap();
+    assert!(error.to_string().contains("the model has no actuators"), "{error}");
+}
+
+#[test]
+fn files_are_found_beside_each_other_and_errors_name_them() {
+    let folder = std::env::temp_dir().join(format!("demosift-task-file-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let name = folder.to_str().unwrap();
+    let message = || registry::load(name).err().unwrap().to_string();
+    assert!(message().contains("holds no task.toml"), "{}", message());
+    std::fs::write(folder.join("task.toml"), TASK).unwrap();
+    assert!(message().contains("there is no such file"), "{}", message());
+    assert!(message().ends_with("cart.xml"), "{}", message());
+    std::fs::write(folder.join("cart.xml"), MODEL).unwrap();
+    registry::load(name).unwrap();
+    registry::load(folder.join("task.toml").to_str().unwrap()).unwrap();
+    std::fs::write(folder.join("task.toml"), TASK.replace("of = \"x\"", "of = \"y\"")).unwrap();
+    assert!(message().ends_with("task.toml"), "{}", message());
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn an_unknown_task_lists_the_known_ones() {
+    let error = registry::load("half_chetah").err().unwrap();
+    assert!(error.is_bad_input());
+    assert!(
+        error.to_string().contains("no task is called 'half_chetah'; there are: half_cheetah"),
+        "{error}"
+    );
+}
+
+/// The task file in the documentation of the crate.
+#[test]
+fn the_documented_example_is_a_task() {
+    let documentation = include_str!("../src/lib.rs");
+    let example = documentation.split("```toml").nth(1).unwrap().split("//! ```").next().unwrap();
+    let example: Vec<&str> =
+        example.lines().map(|line| line.trim_start_matches("//!").trim_start()).collect();
+    let model = r#"
+<mujoco>
+  <worldbody>
+    <geom name="floor" type="plane" size="5 5 1"/>
+    <camera name="front" pos="0 -3 1"/>
+    <body name="pelvis" pos="0 0 1">
+      <joint name="slider" type="slide" axis="1 0 0"/>
+      <geom size="0.1"/>
+      <site name="head" pos="0 0 0.5"/>
+      <body name="hand"><joint name="elbow"/><geom size="0.1"/></body>
+      <body name="foot"><joint name="ankle"/><geom size="0.1"/></body>
+    </body>
+    <body name="goal"><joint name="target"/><geom size="0.1"/><site name="target"/></body>
+    <body name="ball" pos="2 0 1"><freejoint name="ball"/><geom name="leather" size="0.1"/></body>
+  </worldbody>
+  <actuator><motor name="push" joint="slider" ctrllimited="true" ctrlrange="-2 4"/></actuator>
+  <keyframe><key name="ready" qpos="0 0 0 0 2 0 1 1 0 0 0"/></keyframe>
+</mujoco>"#;
+    MujocoTask::from_texts(&example.join("\n"), &[("arm.xml", model)], None).unwrap();
+}

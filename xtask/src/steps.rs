@@ -1,0 +1,81 @@
+//! What the commands do after the set-up, one cargo call a step.
+
+use crate::Failure;
+use std::path::Path;
+use std::process::Command;
+
+/// The main job on the demonstrations that the repository carries; the output folder follows.
+const DEMO: [&str; 8] =
+    ["sift", "data/free_throw_8", "--task", "free_throw", "--preset", "quick", "--out", DEMO_OUT];
+const DEMO_OUT: &str = "runs/demo";
+
+const TEST: [&[&str]; 3] = [
+    &["fmt", "--all", "--check"],
+    &["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"],
+    &["test", "--workspace"],
+];
+
+const BENCH: [&[&str]; 2] = [
+    &["bench", "--package", "demosift", "--bench", "learner"],
+    &["bench", "--package", "demosift-mujoco", "--bench", "playing"],
+];
+
+/// Format, lints, tests and doctests.
+pub(crate) fn test(root: &Path) -> Result<(), Failure> {
+    TEST.iter().try_for_each(|arguments| cargo(root, arguments))
+}
+
+/// Builds for speed and runs [`DEMO`].
+pub(crate) fn demo(root: &Path) -> Result<(), Failure> {
+    let out = free_folder(root);
+    let job = DEMO.map(|argument| if argument == DEMO_OUT { out.as_str() } else { argument });
+    cargo(root, &["build", "--release"])?;
+    cargo(root, &[&["run", "--release", "--quiet", "--bin", "demosift", "--"], &job[..]].concat())
+}
+
+/// The ratios of `docs/results`.
+pub(crate) fn bench(root: &Path) -> Result<(), Failure> {
+    BENCH.iter().try_for_each(|arguments| cargo(root, arguments))
+}
+
+/// The first of `runs/demo`, `runs/demo-2`, `runs/demo-3` … that does not exist: no run is written over.
+fn free_folder(root: &Path) -> String {
+    std::iter::once(DEMO_OUT.to_owned())
+        .chain((2..).map(|number| format!("{DEMO_OUT}-{number}")))
+        .find(|folder| !root.join(folder).exists())
+        .expect("the numbers do not end")
+}
+
+fn cargo(root: &Path, arguments: &[&str]) -> Result<(), Failure> {
+    // The cargo that runs xtask, so that both use one toolchain.
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let shown = format!("cargo {}", arguments.join(" "));
+    println!("\n$ {shown}");
+    let status = Command::new(cargo)
+        .args(arguments)
+        .current_dir(root)
+        .status()
+        .map_err(|error| format!("cannot run cargo: {error}"))?;
+    if status.success() {
+        return Ok(());
+    }
+    // A process that was killed by a signal has no code.
+    let code = status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1);
+    Err(Failure { message: format!("error: `{shown}` failed"), code })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_demo_never_writes_over_a_run() {
+        let root = std::env::temp_dir().join(format!("xtask-demo-{}", std::process::id()));
+        assert_eq!(free_folder(&root), "runs/demo");
+        std::fs::create_dir_all(root.join("runs/demo")).unwrap();
+        assert_eq!(free_folder(&root), "runs/demo-2");
+        std::fs::create_dir_all(root.join("runs/demo-2")).unwrap();
+        assert_eq!(free_folder(&root), "runs/demo-3");
+        std::fs::remove_dir_all(&root).unwrap();
+    }
+}

@@ -1,0 +1,181 @@
+//! The rules that need nothing but the words of a file.
+
+use crate::Violation;
+use crate::sources::Source;
+use std::path::Path;
+
+/// Files that may hold unsafe code; each wraps one foreign call for which there is no safe one.
+const UNSAFE_FILES: [&str; 3] = [
+    "crates/demosift-mujoco/src/quiet.rs",
+    "crates/demosift/src/nn/product.rs",
+    "crates/demosift/benches/learner.rs",
+];
+const TERMINAL: &str = "crates/demosift-cli/src/terminal.rs";
+const MOST_LINES: usize = 600;
+/// Modules that learn and judge, and everything below them.
+const ABOVE_JUDGING: [&str; 5] = ["select", "metrics", "provenance", "artifact", "experiment"];
+
+/// The library names neither of the crates above it.
+pub(crate) fn library_knows_no_other_crate(library: &[Source]) -> Vec<Violation> {
+    forbidden_words(
+        library,
+        &["demosift_mujoco", "demosift_cli", "mujoco_rs"],
+        "crate walls",
+        "the library knows no physics and no command",
+    )
+}
+
+/// The MuJoCo crate does not name the command.
+pub(crate) fn mujoco_knows_no_command(mujoco: &[Source]) -> Vec<Violation> {
+    forbidden_words(mujoco, &["demosift_cli"], "crate walls", "the MuJoCo crate knows no command")
+}
+
+/// Libraries do not print: one file of the command does. Tests, examples, benchmarks and build scripts may.
+pub(crate) fn only_the_terminal_prints(sources: &[Source]) -> Vec<Violation> {
+    let quiet = sources.iter().filter(|source| {
+        let may = ["/tests/", "/examples/", "/benches/"];
+        source.path != TERMINAL
+            && !source.path.ends_with("/build.rs")
+            && !may.iter().any(|part| source.path.contains(part))
+    });
+    let mut violations = Vec::new();
+    for source in quiet {
+        for name in ["print", "println", "eprint", "eprintln", "dbg"] {
+            for position in source.words(name) {
+                if source.code[position + name.len()..].starts_with('!') {
+                    let message = format!("`{name}!`: only {TERMINAL} talks to the terminal");
+                    violations.push(Violation::new(&source.path, source.line(position), "printing", message));
+                }
+            }
+        }
+    }
+    violations
+}
+
+/// The library's results depend on its arguments alone.
+pub(crate) fn library_reads_no_clock_or_environment(library: &[Source]) -> Vec<Violation> {
+    let clocks = forbidden_words(
+        library,
+        &["Instant", "SystemTime"],
+        "clocks",
+        "the library reads no clock; the observer may",
+    );
+    let mut violations = clocks;
+    for source in library {
+        // `env!` is read when it is built, so it is none of the user's environment.
+        let words = source.words("env").filter(|&position| !source.code[position..].starts_with("env!"));
+        violations.extend(words.map(|position| {
+            let message = "`env`: the library reads no environment variable; pass the value".to_owned();
+            Violation::new(&source.path, source.line(position), "environment", message)
+        }));
+    }
+    violations
+}
+
+/// No order that differs from run to run.
+pub(crate) fn library_has_no_hash_map(library: &[Source]) -> Vec<Violation> {
+    forbidden_words(
+        library,
+        &["HashMap", "HashSet"],
+        "hash maps",
+        "its order differs from run to run; use a BTreeMap or a BTreeSet",
+    )
+}
+
+/// Unsafe code stands in the files named for it.
+pub(crate) fn unsafe_stands_in_named_files(sources: &[Source]) -> Vec<Violation> {
+    let others = sources.iter().filter(|source| !UNSAFE_FILES.contains(&source.path.as_str()));
+    forbidden_words(
+        others,
+        &["unsafe", "unsafe_code"],
+        "unsafe code",
+        &format!("it stands only in {}", UNSAFE_FILES.join(", ")),
+    )
+}
+
+/// What judges never hears where a demonstration came from, not even in a string.
+pub(crate) fn judging_knows_no_provenance(library: &[Source]) -> Vec<Violation> {
+    let mut violations = Vec::new();
+    for source in library.iter().filter(|source| judges(&source.path)) {
+        for (index, line) in source.code_and_strings.lines().enumerate() {
+            if line.to_lowercase().contains("provenance") {
+                let message = "layers 0 to 7 never mention provenance".to_owned();
+                violations.push(Violation::new(&source.path, index + 1, "provenance", message));
+            }
+        }
+    }
+    violations
+}
+
+fn judges(path: &str) -> bool {
+    let file = path.strip_prefix("crates/demosift/src/").unwrap_or(path);
+    let module = file.split(['/', '.']).next().unwrap_or(file);
+    module != "lib" && !ABOVE_JUDGING.contains(&module)
+}
+
+/// A file can be read in one sitting.
+pub(crate) fn files_are_short(sources: &[Source]) -> Vec<Violation> {
+    let long = sources.iter().filter(|source| source.lines > MOST_LINES && !source.path.contains("/tests/"));
+    long.map(|source| {
+        let message = format!("{} lines without tests; at most {MOST_LINES}", source.lines);
+        Violation::new(&source.path, MOST_LINES + 1, "length", message)
+    })
+    .collect()
+}
+
+/// Every relative link of a document leads to a file.
+pub(crate) fn links_lead_somewhere(path: &str, markdown: &str, checkout: &Path) -> Vec<Violation> {
+    let folder = checkout.join(path).parent().expect("a file lies in a folder").to_owned();
+    let mut violations = Vec::new();
+    for (index, line) in markdown.lines().enumerate() {
+        for (position, opening) in line.match_indices("](") {
+            let target = line[position + opening.len()..].split([')', '#', ' ']).next().unwrap_or("");
+            if !target.is_empty() && !target.contains("://") && !folder.join(target).exists() {
+                violations.push(Violation::new(path, index + 1, "links", format!("`{target}` is not there")));
+            }
+        }
+    }
+    violations
+}
+
+/// Every test that docs/paper.md names in a row's last column is a test of the crates; `eq_3_…` stands for all that begin so.
+pub(crate) fn named_tests_exist(path: &str, markdown: &str, crates: &str) -> Vec<Violation> {
+    let mut violations = Vec::new();
+    let mut names_tests = false;
+    for (index, line) in markdown.lines().enumerate() {
+        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+        let Some(last) = cells.len().checked_sub(2).map(|place| cells[place]) else {
+            names_tests = false;
+            continue;
+        };
+        names_tests |= last == "test";
+        for name in last.split('`').skip(1).step_by(2).filter(|_| names_tests) {
+            let wanted = match name.strip_suffix('…') {
+                Some(beginning) => format!("fn {beginning}"),
+                None => format!("fn {name}("),
+            };
+            if !crates.contains(&wanted) {
+                violations.push(Violation::new(path, index + 1, "named tests", format!("no test `{name}`")));
+            }
+        }
+    }
+    violations
+}
+
+fn forbidden_words<'a>(
+    sources: impl IntoIterator<Item = &'a Source>,
+    words: &[&str],
+    rule: &'static str,
+    why: &str,
+) -> Vec<Violation> {
+    let mut violations = Vec::new();
+    for source in sources {
+        for word in words {
+            for position in source.words(word) {
+                let message = format!("`{word}`: {why}");
+                violations.push(Violation::new(&source.path, source.line(position), rule, message));
+            }
+        }
+    }
+    violations
+}
