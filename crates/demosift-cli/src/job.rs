@@ -127,7 +127,8 @@ impl Plan {
     fn check_task(&self) -> Result<()> {
         match &self.begun {
             Some(begun) if begun.identity.task != self.chosen.name => {
-                Err(run_folder::of_another_run("the task", &begun.identity.task, &self.chosen.name).at(&self.out))
+                Err(run_folder::of_another_run("the task", &begun.identity.task, &self.chosen.name)
+                    .at(&self.out))
             }
             _ => Ok(()),
         }

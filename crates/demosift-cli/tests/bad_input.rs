@@ -116,7 +116,7 @@ fn tasks_that_are_none() {
     refuses(
         &scratch,
         "sift set --task tennis --out run",
-        &["'tennis'", "point_mass, half_cheetah", "\nhint: "],
+        &["'tennis'", "point_mass, free_throw, half_cheetah", "\nhint: "],
     );
     refuses(&scratch, "sift set --task set --out run", &["no task.toml", "set"]);
     refuses(&scratch, "sift set --out run", &["no task is given", "point_mass", "\nhint: "]);
@@ -170,7 +170,7 @@ fn a_run_folder_of_another_run() {
         ("--set judge.repeats=5", ["judge.repeats was 2", "is 5"]),
         ("--seed 9", ["seed was 0", "is 9"]),
         ("--keep 3", ["keep was 0", "is 3"]),
-        ("--preset paper", ["imitate.environment_steps was 1800", "is 5000000"]),
+        ("--preset paper", ["imitate.checkpoint_every was 2", "is 10"]),
     ] {
         refuses(&scratch, &format!("judge --out run --resume {option}"), &wanted);
     }
