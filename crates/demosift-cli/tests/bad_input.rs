@@ -1,5 +1,7 @@
 //! Each mistake of a user gets one clear error, exit code 2, and leaves nothing half-written.
 
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
 mod support;
 
 use demosift::demonstration::d4rl::{self, Episode};

@@ -1,5 +1,7 @@
 //! The command as a user runs it, on the point mass with tiny budgets.
 
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
 mod support;
 
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! Runs the command as a user would, in a folder of its own.
 
-// Each test file compiles this for itself and uses what it needs.
-#![allow(dead_code)]
+#![allow(dead_code, reason = "each test file compiles this for itself and uses what it needs")]
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
