@@ -32,12 +32,22 @@ pub(crate) struct Job {
 impl Job {
     /// Reads and checks everything, then begins the run or goes on with it.
     pub(crate) fn open(arguments: &JobArguments) -> Result<Self> {
+        Self::open_checked(arguments, |_| Ok(()))
+    }
+
+    /// The same with a check of what a subcommand wants of the set.
+    pub(crate) fn open_checked(
+        arguments: &JobArguments,
+        check: impl FnOnce(&DemonstrationSet) -> Result<()>,
+    ) -> Result<Self> {
         use_threads(arguments.run.threads)?;
         let plan = Plan::of(&arguments.run)?;
+        plan.check_task()?;
         let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
         let path =
             set_file(arguments.demonstrations.as_deref().or(recorded.map(|data| data.path.as_path())))?;
         let set = d4rl::read(&path)?;
+        check(&set)?;
         let data = Data { sha256: files::sha256(std::slice::from_ref(&path))?, path: absolute(&path)? };
         let mut values = plan.values.clone();
         if let Some(keep) = arguments.keep {
@@ -111,6 +121,17 @@ impl Plan {
             configuration::apply(&mut values, &layer)?;
         }
         Ok(Self { chosen, values, begun, out })
+    }
+
+    /// Whether the run that is there is about the same task; said before its demonstrations are found not to fit.
+    fn check_task(&self) -> Result<()> {
+        match &self.begun {
+            Some(begun) if begun.identity.task != self.chosen.name => {
+                Err(run_folder::of_another_run("the task", &begun.identity.task, &self.chosen.name)
+                    .at(&self.out))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Begins the run, or goes on with the one that is there.

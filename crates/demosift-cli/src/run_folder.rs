@@ -183,8 +183,11 @@ fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Resu
             (None, Some(difference)) => difference,
             (None, None) => return Ok(()),
         };
-    Err(Error::bad_config(format!(
-        "the run folder is of another run: {what} was {old} there, and is {new} now"
-    ))
-    .with_hint("leave the option out to go on as before, or give another folder to --out"))
+    Err(of_another_run(&what, &old, &new))
+}
+
+/// A run folder cannot go on with something else.
+pub(crate) fn of_another_run(what: &str, old: &str, new: &str) -> Error {
+    Error::bad_config(format!("the run folder is of another run: {what} was {old} there, and is {new} now"))
+        .with_hint("take back the change, or give another folder to --out")
 }

@@ -12,7 +12,7 @@ pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
         cells.chain([header[column].chars().count()]).max().unwrap_or(0)
     };
     let widths: Vec<usize> = (0..header.len()).map(width).collect();
-    let is_number = |column: usize| rows.iter().all(|row| !row[column].starts_with(char::is_alphabetic));
+    let is_number = |column: usize| rows.iter().all(|row| !row[column].contains(char::is_alphabetic));
     let line = |cells: &[String]| {
         let padded: Vec<String> = (0..widths.len())
             .map(|column| {
@@ -46,7 +46,12 @@ impl<'a> Scale<'a> {
     }
 
     pub(crate) fn plain(self, score: Score) -> String {
-        format!("{score:.*}", self.decimals)
+        let written = format!("{score:.*}", self.decimals);
+        // A zero with a sign tells nobody anything.
+        if written.trim_start_matches('-').chars().all(|digit| matches!(digit, '0' | '.')) {
+            return written.trim_start_matches('-').to_owned();
+        }
+        written
     }
 
     fn signed(self, score: Score) -> String {
@@ -201,4 +206,28 @@ pub(crate) fn list(demos: &[DemoId]) -> String {
     let mut demos = demos.to_vec();
     demos.sort_unstable();
     demos.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_stand_left_and_numbers_right() {
+        let rows = [["1", "kept", "-0.5"], ["10", "-", "+12.25"]].map(|row| row.map(str::to_owned).to_vec());
+        let wanted = "  rank   kept     gain\n     1   kept     -0.5\n    10   -      +12.25\n";
+        assert_eq!(table(&["rank", "kept", "gain"], &rows), wanted);
+    }
+
+    #[test]
+    fn scores_have_decimals_for_their_size_and_no_negative_zero() {
+        let near = Scale::of([-0.25, f64::NAN], "m");
+        assert_eq!(near.plain(-0.25), "-0.250");
+        assert_eq!(near.plain(-0.0004), "0.000");
+        assert_eq!(near.signed(0.5), "+0.500");
+        assert_eq!((near.with_unit(0.5), near.title("gain")), ("0.500 m".to_owned(), "gain [m]".to_owned()));
+        let far = Scale::of([4312.0, -178.0], "");
+        assert_eq!((far.plain(4312.4), far.with_unit(-178.0)), ("4312".to_owned(), "-178".to_owned()));
+        assert_eq!(far.title("gain"), "gain");
+    }
 }

@@ -11,14 +11,10 @@ use crate::job::Job;
 use crate::{tables, terminal};
 
 pub(crate) fn run(arguments: &ImitateArguments) -> Result<()> {
-    let mut job = Job::open(&arguments.job)?;
+    let ids = &arguments.demonstration_ids;
+    let mut job = Job::open_checked(&arguments.job, |set| check(ids, set))?;
     let json = arguments.job.run.json;
-    if arguments.demonstration_ids.is_empty() {
-        compare(&mut job, json)
-    } else {
-        let demos = named(&arguments.demonstration_ids, job.set())?;
-        imitate_named(&mut job, &demos, json)
-    }
+    if ids.is_empty() { compare(&mut job, json) } else { imitate_named(&mut job, &named(ids), json) }
 }
 
 /// The selected subset beside the whole set.
@@ -64,16 +60,20 @@ fn imitate_named(job: &mut Job, demos: &[DemoId], json: bool) -> Result<()> {
     Ok(())
 }
 
-/// The ids in ascending order, each once.
-fn named(ids: &[usize], set: &DemonstrationSet) -> Result<Vec<DemoId>> {
-    if let Some(id) = ids.iter().find(|id| **id >= set.len()) {
-        return Err(Error::bad_input(format!(
+fn check(ids: &[usize], set: &DemonstrationSet) -> Result<()> {
+    match ids.iter().find(|id| **id >= set.len()) {
+        None => Ok(()),
+        Some(id) => Err(Error::bad_input(format!(
             "--demonstration-ids {id}: the demonstrations of this set are 0 to {}",
             set.len() - 1
-        )));
+        ))),
     }
+}
+
+/// The ids in ascending order, each once.
+fn named(ids: &[usize]) -> Vec<DemoId> {
     let mut demos: Vec<DemoId> = ids.iter().copied().map(DemoId).collect();
     demos.sort_unstable();
     demos.dedup();
-    Ok(demos)
+    demos
 }

@@ -1,0 +1,120 @@
+//! The command as a user runs it, on the point mass with tiny budgets.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod support;
+
+use std::path::Path;
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+
+use support::{Scratch, assert_same_files};
+
+const TASK: &str = "--task point_mass --config tiny.toml";
+
+#[test]
+fn sift_ends_with_a_table_that_puts_good_demonstrations_first() {
+    let scratch = Scratch::new("sift");
+    let said = scratch.succeed(&format!("sift set {TASK} --set meta_train.rounds=20 --keep 2 --out run"));
+    for wanted in
+        ["rank   demonstration", "gain [m]", "kept", "the 2 kept (", "all 4", "success", "Run folder: run"]
+    {
+        assert!(said.contains(wanted), "{said}");
+    }
+    assert!(said.contains("Selecting helped") || said.contains("Selecting did NOT help"), "{said}");
+    let files = scratch.files("run");
+    for name in ["resolved.toml", "run.json", "metrics.jsonl", "scores.json", "ranking.json", "subset.json"] {
+        assert!(files.contains_key(name), "{name}");
+    }
+    assert!(!files.keys().any(|name| name.starts_with("checkpoint")), "{:?}", files.keys());
+}
+
+#[test]
+fn one_thread_and_two_give_the_same_bytes() {
+    let scratch = Scratch::new("threads");
+    for threads in [1, 2] {
+        scratch.succeed(&format!("sift set {TASK} --threads {threads} --out run{threads}"));
+    }
+    assert_same_files(&scratch.files("run1"), &scratch.files("run2"));
+}
+
+#[test]
+fn one_arrow_after_another_is_the_whole_job() {
+    let scratch = Scratch::new("arrows");
+    let whole = scratch.succeed(&format!("sift set {TASK} --keep 2 --out whole"));
+    scratch.succeed(&format!("meta-train set {TASK} --keep 2 --out steps"));
+    for stage in ["judge", "select", "imitate"] {
+        scratch.succeed(&format!("{stage} --out steps --resume"));
+    }
+    assert_same_files(&scratch.files("whole"), &scratch.files("steps"));
+    let again = scratch.succeed("sift --out steps --resume");
+    assert_eq!(again.replace("steps\n", "\n"), whole.replace("whole\n", "\n").replace("steps\n", "\n"));
+}
+
+#[test]
+fn a_run_that_was_killed_resumes_to_the_identical_result() {
+    let scratch = Scratch::new("kill");
+    // Long enough that the kill comes between two checkpoints of each stage.
+    let job = format!("sift set {TASK} --set meta_train.rounds=30 --set imitate.environment_steps=30000");
+    scratch.succeed(&format!("{job} --out whole"));
+    for checkpoint in ["checkpoint_meta_train.bin", "checkpoint_judge.bin", "checkpoint_imitate_subset.bin"] {
+        kill_after(
+            &scratch,
+            &format!("{job} --out killed --resume"),
+            &scratch.0.join("killed").join(checkpoint),
+        );
+    }
+    scratch.succeed("sift --out killed --resume");
+    assert_same_files(&scratch.files("whole"), &scratch.files("killed"));
+}
+
+/// Runs until the file appears, then kills without warning.
+fn kill_after(scratch: &Scratch, arguments: &str, file: &Path) {
+    let mut child = scratch.command(arguments).stdout(Stdio::null()).spawn().unwrap();
+    let start = Instant::now();
+    while !file.exists() {
+        assert!(child.try_wait().unwrap().is_none(), "the run ended without {}", file.display());
+        assert!(start.elapsed() < Duration::from_secs(120), "{} does not appear", file.display());
+        std::thread::sleep(Duration::from_micros(200));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
+#[test]
+fn results_as_json() {
+    let scratch = Scratch::new("json");
+    let said = scratch.succeed(&format!("sift set {TASK} --keep 1 --json --out run"));
+    let value: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(value["ranking"].as_array().unwrap().len(), 4);
+    assert_eq!(value["kept"].as_array().unwrap().len(), 1);
+    assert!(value["from_subset"]["score"].is_f64() && value["from_all"]["environment_steps"].is_u64());
+    let said = scratch.succeed("tasks --json");
+    assert!(serde_json::from_str::<Vec<String>>(&said).unwrap().contains(&"point_mass".to_owned()));
+}
+
+#[test]
+fn the_oracle_is_compared_with_the_ranking() {
+    let scratch = Scratch::new("oracle");
+    let alone = scratch.succeed(&format!("oracle set {TASK} --repeats 2 --out run"));
+    assert!(alone.contains("no ranking to compare with"), "{alone}");
+    scratch.succeed("select --out run --resume");
+    let said = scratch.succeed("oracle --out run --resume --repeats 2");
+    assert!(said.contains("Spearman's rank correlation with the ranking: "), "{said}");
+    let named = scratch.succeed("imitate --out run --resume --demonstration-ids 3,1,3");
+    assert!(named.contains("demonstrations 1, 3"), "{named}");
+}
+
+#[test]
+fn a_recording_is_a_set_and_resumes() {
+    let scratch = Scratch::new("record");
+    let record = "record --task point_mass --count 3 --set demonstrator.snapshot_every=1 \
+                  --set demonstrator.trajectories=10 --set demonstrator.checkpoint_every=2";
+    let said = scratch.succeed(&format!("{record} --out recorded"));
+    assert!(said.contains("The demonstrator was done after"), "{said}");
+    let again = scratch.succeed("record --out recorded --resume");
+    assert_eq!(again, said);
+    scratch.succeed(&format!("{record} --out twice"));
+    assert_same_files(&scratch.files("recorded"), &scratch.files("twice"));
+    scratch.succeed(&format!("judge recorded {TASK} --out run"));
+}

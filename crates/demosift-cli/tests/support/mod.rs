@@ -1,0 +1,109 @@
+//! Runs the command as a user would, in a folder of its own.
+
+#![allow(dead_code, reason = "each test file compiles this for itself and uses what it needs")]
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use demosift::demonstration::DemonstrationSet;
+use demosift::demonstration::d4rl::{self, Episode};
+use demosift::point_mass;
+use demosift::seed::Seed;
+
+/// Budgets that take a second.
+pub(crate) const TINY: &str = "
+[inner]
+trajectories = 4
+[meta_train]
+rounds = 6
+checkpoint_every = 2
+[judge]
+iterations = 2
+evaluations = 4
+repeats = 2
+[imitate]
+environment_steps = 1800
+evaluations = 4
+evaluate_every = 2
+checkpoint_every = 2
+[imitate.update]
+trajectories = 10
+";
+
+/// A folder that goes away with the test; commands run in it.
+pub(crate) struct Scratch(pub(crate) PathBuf);
+
+impl Scratch {
+    /// With four demonstrations of the point mass in `set/`, and [`TINY`] in `tiny.toml`.
+    pub(crate) fn new(name: &str) -> Self {
+        let folder = std::env::temp_dir().join(format!("demosift-cli-{}-{name}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&folder);
+        std::fs::create_dir_all(folder.join("set")).unwrap();
+        std::fs::write(folder.join("tiny.toml"), TINY).unwrap();
+        let scratch = Self(folder);
+        let set = point_mass::planted_set(&[180.0, 0.0, 90.0, 10.0], Seed::new(3)).unwrap();
+        write_set(&scratch.0.join("set/demonstrations.hdf5"), &set);
+        scratch
+    }
+
+    pub(crate) fn command(&self, arguments: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_demosift"));
+        command.current_dir(&self.0).args(arguments.split_whitespace());
+        command
+    }
+
+    pub(crate) fn run(&self, arguments: &str) -> Output {
+        self.command(arguments).output().unwrap()
+    }
+
+    /// Standard output of a command that must succeed.
+    #[track_caller]
+    pub(crate) fn succeed(&self, arguments: &str) -> String {
+        let output = self.run(arguments);
+        let complaint = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{arguments}: {complaint}");
+        assert_eq!(complaint, "", "nothing is said where nobody looks at a terminal");
+        String::from_utf8(output.stdout).unwrap()
+    }
+
+    /// All files of a folder by name.
+    pub(crate) fn files(&self, folder: &str) -> BTreeMap<String, Vec<u8>> {
+        std::fs::read_dir(self.0.join(folder))
+            .unwrap()
+            .map(|entry| {
+                let entry = entry.unwrap();
+                (entry.file_name().into_string().unwrap(), std::fs::read(entry.path()).unwrap())
+            })
+            .collect()
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Two folders hold the same files, byte for byte.
+#[track_caller]
+pub(crate) fn assert_same_files(left: &BTreeMap<String, Vec<u8>>, right: &BTreeMap<String, Vec<u8>>) {
+    assert_eq!(left.keys().collect::<Vec<_>>(), right.keys().collect::<Vec<_>>());
+    for (name, bytes) in left {
+        assert!(*bytes == right[name], "{name} differs");
+    }
+}
+
+pub(crate) fn write_set(path: &Path, set: &DemonstrationSet) {
+    let episodes: Vec<Episode<'_>> = set
+        .iter()
+        .map(|(_, demonstration)| Episode {
+            observations: demonstration.observations(),
+            actions: demonstration.actions(),
+            states: None,
+            terminated: false,
+        })
+        .collect();
+    d4rl::write(path, &episodes).unwrap();
+}
