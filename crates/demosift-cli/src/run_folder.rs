@@ -4,7 +4,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use demosift::experiment::Ledger;
+use demosift::ledger::Ledger;
 use demosift::{Error, Result, files};
 use serde::{Deserialize, Serialize};
 use toml::Table;

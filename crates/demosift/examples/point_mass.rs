@@ -2,7 +2,10 @@
 //!
 //! `cargo run --release -p demosift --example point_mass`
 
-use demosift::experiment::{InMemory, Run, sift};
+#![allow(clippy::print_stdout, reason = "an example shows what it finds")]
+
+use demosift::experiment::{Run, sift};
+use demosift::ledger::InMemory;
 use demosift::observer::Silent;
 use demosift::point_mass::{PointMass, planted_set};
 use demosift::preset::Preset;
@@ -14,7 +17,7 @@ fn main() -> demosift::Result<()> {
     let bearings = [0.0, 20.0, 60.0, 100.0, 140.0, 180.0];
     let set = planted_set(&bearings, Seed::new(1))?;
     let task = PointMass::new();
-    let mut config = Preset::Quick.config();
+    let config = Preset::Quick.config();
     let sifted = sift(&mut Run {
         set: &set,
         playground: &Playground::new(&task),
@@ -25,7 +28,7 @@ fn main() -> demosift::Result<()> {
     for entry in &sifted.ranking.entries {
         println!("bearing {:5} gains {:+.2} m", bearings[entry.demo.0], entry.score);
     }
-    println!("from the subset: {:?}", sifted.from_subset.outcome);
-    println!("from all: {:?}", sifted.from_all.outcome);
+    println!("imitating the subset scores {:.2} m", sifted.from_subset.outcome.score);
+    println!("imitating the whole set scores {:.2} m", sifted.from_all.outcome.score);
     Ok(())
 }

@@ -8,10 +8,10 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::adapt::Learner;
 use crate::error::{Error, Result};
-use crate::experiment::Ledger;
 use crate::gail::Discriminator;
 use crate::imitate::{CurvePoint, LearningCurve};
 use crate::judge::ScoreTable;
+use crate::ledger::Ledger;
 use crate::nn::mlp::Mlp;
 use crate::observation_filter::ObservationFilter;
 use crate::observer::Snapshot;

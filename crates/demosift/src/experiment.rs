@@ -12,6 +12,7 @@ use crate::environment::Specification;
 use crate::error::{Error, Result};
 use crate::imitate::{self, Imitation, ImitationState, LearningCurve};
 use crate::judge::{self, Judging, ScoreTable};
+use crate::ledger::Ledger;
 use crate::meta_train::{self, MetaState, MetaTraining};
 use crate::observer::{Event, Observer, Snapshot};
 use crate::policy::PolicyShape;
@@ -37,36 +38,6 @@ pub struct Config {
     pub judge: Judging,
     /// Imitation from scratch.
     pub imitate: Imitation,
-}
-
-/// Keeps nouns and checkpoints by name; the run folder is one.
-pub trait Ledger {
-    /// What was kept under a name, if anything.
-    fn recall(&self, name: &str) -> Result<Option<Vec<u8>>>;
-    /// Keeps bytes under a name, whole or not at all.
-    fn keep(&mut self, name: &str, bytes: &[u8]) -> Result<()>;
-    /// Forgets what was kept under a name.
-    fn forget(&mut self, name: &str) -> Result<()>;
-}
-
-/// A ledger that lasts as long as the process.
-#[derive(Debug, Default)]
-pub struct InMemory(std::collections::BTreeMap<String, Vec<u8>>);
-
-impl Ledger for InMemory {
-    fn recall(&self, name: &str) -> Result<Option<Vec<u8>>> {
-        Ok(self.0.get(name).cloned())
-    }
-
-    fn keep(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
-        self.0.insert(name.to_owned(), bytes.to_vec());
-        Ok(())
-    }
-
-    fn forget(&mut self, name: &str) -> Result<()> {
-        self.0.remove(name);
-        Ok(())
-    }
 }
 
 /// What a run is about, and where it keeps and tells what it finds.

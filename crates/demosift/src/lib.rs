@@ -19,6 +19,7 @@ pub mod gail;
 pub mod heuristic;
 pub mod imitate;
 pub mod judge;
+pub mod ledger;
 pub mod meta_train;
 pub mod metrics;
 pub mod nn;

@@ -158,10 +158,10 @@ fn planted(bearing: f32, seed: Seed) -> Result<Demonstration> {
     let (mut observations, mut actions) = (Rows::with_capacity(4, HORIZON), Rows::with_capacity(2, HORIZON));
     for _ in 0..HORIZON {
         let mut action = [0.0; 2];
-        for axis in 0..2 {
+        for (axis, force) in action.iter_mut().enumerate() {
             let noise: f32 = StandardNormal.sample(&mut rng);
             let push = 2.0 * (target[axis] - observation[axis]) - 1.5 * observation[2 + axis];
-            action[axis] = (push + ACTION_NOISE_STD * noise).clamp(-1.0, 1.0);
+            *force = (push + ACTION_NOISE_STD * noise).clamp(-1.0, 1.0);
         }
         observations.push(&observation);
         actions.push(&action);
