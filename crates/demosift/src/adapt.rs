@@ -269,7 +269,8 @@ mod tests {
     use crate::preset::Preset;
 
     fn inner() -> InnerUpdate {
-        InnerUpdate { trajectories: 10, ..Preset::Quick.config().inner }
+        let discriminator = Fitting { learning_rate: 0.01, steps: 20, batch: 200, entropy: 0.3 };
+        InnerUpdate { trajectories: 10, discriminator, ..Preset::Quick.config().inner }
     }
 
     fn untrained(set: &DemonstrationSet) -> Learner {

