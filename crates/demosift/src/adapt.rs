@@ -292,16 +292,10 @@ mod tests {
         let set = planted_set(&[0.0, 180.0], Seed::new(1)).expect("a valid set");
         let learner = untrained(&set);
         let pairs = learner.demonstrated_pairs(&set);
-        for demo in 0..2 {
-            let adapted = adapt(
-                &learner,
-                &[&pairs[demo]],
-                &playground,
-                EnvVariant(0),
-                (&inner(), 1),
-                &Seed::new(demo as u64),
-            )
-            .expect("finite numbers");
+        for (demo, pairs) in pairs.iter().enumerate() {
+            let adapted =
+                adapt(&learner, &[pairs], &playground, EnvVariant(0), (&inner(), 1), &Seed::new(demo as u64))
+                    .expect("finite numbers");
             let reward = |policy: &Policy| {
                 let seeds = Seed::new(99).many(100);
                 let fresh = rollout::play(&playground, policy, Acting::Sampled, EnvVariant(0), seeds)

@@ -17,7 +17,7 @@
 //! // Where each demonstration goes, in degrees away from the goal. Nothing in the set tells.
 //! let set = planted_set(&[180.0, 5.0, 120.0, -10.0, -150.0, 90.0], Seed::new(1))?;
 //! let mut config = Preset::Quick.config();
-//! (config.meta_train.rounds, config.imitate.environment_steps) = (15, 10_000);
+//! (config.meta_train.rounds, config.imitate.environment_steps) = (8, 10_000);
 //!
 //! let task = PointMass::new();
 //! let sifted = sift(&mut Run {
