@@ -15,9 +15,10 @@ const TEST: [&[&str]; 3] = [
     &["test", "--workspace"],
 ];
 
-const BENCH: [&[&str]; 2] = [
+const BENCH: [&[&str]; 3] = [
     &["bench", "--package", "demosift", "--bench", "learner"],
     &["bench", "--package", "demosift-mujoco", "--bench", "playing"],
+    &["bench", "--package", "demosift-mujoco", "--bench", "meta_update"],
 ];
 
 /// Format, lints, tests and doctests.

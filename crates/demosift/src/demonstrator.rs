@@ -12,7 +12,7 @@ use crate::heuristic::Score;
 use crate::observation_filter::Moments;
 use crate::observer::{Event, Observer};
 use crate::policy::{Policy, PolicyShape};
-use crate::rollout::{self, Acting, Playground};
+use crate::rollout::{self, Acting, Playground, StateLog};
 use crate::seed::Seed;
 use crate::trajectory::Trajectory;
 use crate::trpo::{self, TrustRegion};
@@ -144,6 +144,36 @@ pub fn choose_stages(stages: &[Stage], count: usize) -> Result<Vec<Stage>> {
         rest.drain(..=nearest);
     }
     Ok(chosen)
+}
+
+/// An episode that became a demonstration.
+#[derive(Clone, Debug)]
+pub struct Recorded {
+    /// What the demonstrator did.
+    pub trajectory: Trajectory,
+    /// The simulator's states behind it, where there is a simulator.
+    pub states: Option<StateLog>,
+}
+
+/// Episodes that a stage plays for a recording; odd, so that there is a median.
+const EPISODES_PER_RECORDING: usize = 15;
+
+/// The episode of median score among a few that a stage plays: neither its luckiest nor its worst.
+pub fn record(
+    playground: &Playground<'_>,
+    stage: &Stage,
+    variant: EnvVariant,
+    seed: &Seed,
+) -> Result<Recorded> {
+    let seeds = (0..EPISODES_PER_RECORDING).map(|episode| seed.at(episode)).collect();
+    let mut played = rollout::play(playground, &stage.policy, Acting::Sampled, variant, seeds)?;
+    let scores: Vec<Score> = played.iter().map(|trajectory| playground.score(trajectory)).collect();
+    let mut by_score: Vec<usize> = (0..played.len()).collect();
+    by_score.sort_by(|a, b| scores[*a].total_cmp(&scores[*b]));
+    let median = by_score[by_score.len() / 2];
+    let trajectory = played.swap_remove(median);
+    let states = rollout::state_log(playground, &trajectory, variant, &seed.at(median))?;
+    Ok(Recorded { trajectory, states })
 }
 
 /// An order of `count` demonstrations from which their stages cannot be read.
