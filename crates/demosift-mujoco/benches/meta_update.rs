@@ -35,7 +35,9 @@ const UPDATES: usize = 3;
 const SETS: [(&str, usize); 2] = [("half_cheetah", 10), ("free_throw", 8)];
 
 fn main() {
-    println!("physics: time inside the environments over all threads / (threads x wall); the goal is 0.75 and more");
+    println!(
+        "physics: time inside the environments over all threads / (threads x wall); the goal is 0.75 and more"
+    );
     println!("of HalfCheetah the goal is {STEPS_PER_SEC_GOAL:.0} steps/s");
     println!(
         "{:14} {:12} {:>7} {:>10} {:>10} {:>9} {:>16}",
@@ -95,10 +97,9 @@ fn imitation_updates(task: &Timed, set: &DemonstrationSet) -> Vec<Span> {
         ..imitate
     };
     let (playground, seed) = (Playground::new(task), Seed::new(0));
-    let state = ImitationState::start(set, &policy, &imitation.discriminator_hidden, &seed);
-    let subset: Vec<DemoId> = set.ids();
+    let state = ImitationState::start((set, &set.ids()), &policy, &imitation.discriminator_hidden, &seed);
     let mut watch = Watch::new(task, &playground);
-    imitate::imitate((set, &subset), &playground, &imitation, state, &seed, ("", &mut watch)).unwrap();
+    imitate::imitate(set, &playground, &imitation, state, &seed, ("", &mut watch)).unwrap();
     watch.spans
 }
 
