@@ -109,7 +109,7 @@ fn the_oracle_is_compared_with_the_ranking() {
 fn a_recording_is_a_set_and_resumes() {
     let scratch = Scratch::new("record");
     let record = "record --task point_mass --count 3 --set demonstrator.snapshot_every=1 \
-                  --set demonstrator.trajectories=10 --set demonstrator.checkpoint_every=2";
+                  --set demonstrator.batch_steps=300 --set demonstrator.checkpoint_every=2";
     let said = scratch.succeed(&format!("{record} --out recorded"));
     assert!(said.contains("The demonstrator was done after"), "{said}");
     let again = scratch.succeed("record --out recorded --resume");

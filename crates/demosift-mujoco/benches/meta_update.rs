@@ -94,7 +94,9 @@ fn meta_updates(task: &Timed, set: &DemonstrationSet) -> Vec<Span> {
 fn imitation_updates(task: &Timed, set: &DemonstrationSet) -> Vec<Span> {
     let Config { policy, imitate, .. } = Preset::Standard.config();
     let imitation = Imitation {
-        environment_steps: UPDATES * imitate.update.trajectories * task.specification().horizon,
+        environment_steps: UPDATES
+            * imitate.update.episodes(task.specification().horizon)
+            * task.specification().horizon,
         evaluate_every: usize::MAX,
         evaluations: 1,
         checkpoint_every: usize::MAX,

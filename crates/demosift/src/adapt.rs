@@ -36,8 +36,8 @@ use crate::trpo::{self, Experience, Step, StepEnd, TrustRegion};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InnerUpdate {
-    /// K: episodes that are played before an update; not in the paper.
-    pub trajectories: usize,
+    /// K, as environment steps: whole episodes are played before an update until they have this many; not in the paper.
+    pub batch_steps: usize,
     /// α per iteration, the last one from there on (A.2.1: 1, then 0.5; Handstand and Martial Arts 2, then 0.5).
     pub alphas: Vec<f64>,
     /// The trust region for α = 1 (A.2.1: KL 0.15).
@@ -49,6 +49,11 @@ pub struct InnerUpdate {
 }
 
 impl InnerUpdate {
+    /// K: episodes of `horizon` steps that are played before an update, at least 2.
+    pub fn episodes(&self, horizon: usize) -> usize {
+        self.batch_steps.div_ceil(horizon).max(2)
+    }
+
     /// α of an iteration.
     pub fn alpha(&self, iteration: usize) -> f64 {
         self.alphas.get(iteration).or(self.alphas.last()).copied().unwrap_or(1.0)
@@ -126,6 +131,17 @@ pub struct UpdateReport {
     pub end: StepEnd,
 }
 
+/// How long a demonstration is adapted to.
+#[derive(Clone, Copy, Debug)]
+pub struct Course<'a> {
+    /// How each update is made.
+    pub inner: &'a InnerUpdate,
+    /// max_iter of Algorithm 2.
+    pub iterations: usize,
+    /// The last so many θ are averaged; 1 takes the last one as it is.
+    pub averaged: usize,
+}
+
 /// θ'_i with what happened on the way.
 #[derive(Clone, Debug)]
 pub struct Adapted {
@@ -141,13 +157,16 @@ pub fn adapt(
     demonstrated: &[&Rows],
     playground: &Playground<'_>,
     variant: EnvVariant,
-    (inner, iterations): (&InnerUpdate, usize),
+    course: &Course<'_>,
     seed: &Seed,
 ) -> Result<Adapted> {
+    let Course { inner, iterations, averaged } = *course;
+    let episodes = inner.episodes(playground.specification().horizon);
+    let mut last = Vec::with_capacity(averaged);
     let mut adam = Adam::new(learner.discriminator.parameters().len());
     let mut adapted = Adapted { learner: learner.clone(), curve: Vec::with_capacity(iterations) };
     for iteration in 0..iterations {
-        let seeds = seed.of("play").at(iteration).many(inner.trajectories);
+        let seeds = seed.of("play").at(iteration).many(episodes);
         let trajectories =
             rollout::play(playground, &adapted.learner.policy, Acting::Sampled, variant, seeds)?;
         let played = Played::new(playground, &adapted.learner.policy, &trajectories);
@@ -163,8 +182,24 @@ pub fn adapt(
         .map_err(|error| error.during(&format!("adaptation, iteration {iteration}")))?;
         adapted.learner = learner;
         adapted.curve.push(report);
+        if iterations - iteration <= averaged {
+            last.push(adapted.learner.policy.parameters().to_vec());
+        }
     }
+    adapted.learner.policy = averaged_policy(&adapted.learner.policy, &last);
     Ok(adapted)
+}
+
+/// The policy at the mean of some parameters: policy and discriminator circle around where they would settle, so that the
+/// mean of the last iterates is a steadier witness than the last one.
+fn averaged_policy(policy: &Policy, iterates: &[Vec<f32>]) -> Policy {
+    let mut displacement = vec![0.0; policy.parameters().len()];
+    for iterate in iterates {
+        for ((sum, there), here) in displacement.iter_mut().zip(iterate).zip(policy.parameters()) {
+            *sum += (there - here) / iterates.len() as f32;
+        }
+    }
+    policy.moved(&displacement)
 }
 
 /// One inner update (Eq. 1): θ, D → θ' = θ − α∇L_IL, D'.
@@ -264,13 +299,17 @@ fn mean_and_std(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn course(inner: &InnerUpdate, iterations: usize) -> Course<'_> {
+        Course { inner, iterations, averaged: 1 }
+    }
     use crate::demonstration::DemoId;
     use crate::point_mass::{PointMass, planted_set};
     use crate::preset::Preset;
 
     fn inner() -> InnerUpdate {
         let discriminator = Fitting { learning_rate: 0.01, steps: 20, batch: 200, entropy: 0.3 };
-        InnerUpdate { trajectories: 10, discriminator, ..Preset::Quick.config().inner }
+        InnerUpdate { batch_steps: 300, discriminator, ..Preset::Quick.config().inner }
     }
 
     fn untrained(set: &DemonstrationSet) -> Learner {
@@ -293,9 +332,15 @@ mod tests {
         let learner = untrained(&set);
         let pairs = learner.demonstrated_pairs(&set);
         for (demo, pairs) in pairs.iter().enumerate() {
-            let adapted =
-                adapt(&learner, &[pairs], &playground, EnvVariant(0), (&inner(), 1), &Seed::new(demo as u64))
-                    .expect("finite numbers");
+            let adapted = adapt(
+                &learner,
+                &[pairs],
+                &playground,
+                EnvVariant(0),
+                &course(&inner(), 1),
+                &Seed::new(demo as u64),
+            )
+            .expect("finite numbers");
             let reward = |policy: &Policy| {
                 let seeds = Seed::new(99).many(100);
                 let fresh = rollout::play(&playground, policy, Acting::Sampled, EnvVariant(0), seeds)
@@ -317,9 +362,15 @@ mod tests {
         let learner = untrained(&set);
         let pairs = learner.demonstrated_pairs(&set);
         let scores = [0, 1].map(|demo| {
-            let adapted =
-                adapt(&learner, &[&pairs[demo]], &playground, EnvVariant(0), (&inner(), 6), &Seed::new(7))
-                    .expect("finite numbers");
+            let adapted = adapt(
+                &learner,
+                &[&pairs[demo]],
+                &playground,
+                EnvVariant(0),
+                &course(&inner(), 6),
+                &Seed::new(7),
+            )
+            .expect("finite numbers");
             assert_eq!(adapted.curve.len(), 6);
             adapted.curve.last().expect("six reports").score
         });
@@ -386,7 +437,7 @@ mod tests {
         let pairs = gail::demonstrated_pairs(set.get(DemoId(0)), learner.policy.filter());
         let copy = pairs.clone();
         let [one, other] = [&pairs, &copy].map(|pairs| {
-            adapt(&learner, &[pairs], &playground, EnvVariant(0), (&inner(), 2), &Seed::new(7))
+            adapt(&learner, &[pairs], &playground, EnvVariant(0), &course(&inner(), 2), &Seed::new(7))
                 .expect("finite numbers")
         });
         assert_eq!(one.learner, other.learner);

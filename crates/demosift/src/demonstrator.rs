@@ -23,8 +23,8 @@ use crate::trpo::{self, TrustRegion};
 pub struct DemonstratorTraining {
     /// TRPO steps.
     pub updates: usize,
-    /// Episodes played before each step.
-    pub trajectories: usize,
+    /// Environment steps before each TRPO step; whole episodes are played until they have this many.
+    pub batch_steps: usize,
     /// The policy's shape.
     pub policy: PolicyShape,
     /// TRPO's trust region.
@@ -71,6 +71,13 @@ pub struct DemonstratorState {
 /// Name of the stage in events.
 pub const STAGE: &str = "demonstrator";
 
+impl DemonstratorTraining {
+    /// Episodes of `horizon` steps that are played before each TRPO step.
+    fn episodes(&self, horizon: usize) -> usize {
+        self.batch_steps.div_ceil(horizon).max(2)
+    }
+}
+
 impl DemonstratorState {
     /// A demonstrator that knows nothing; its filter comes from a few random episodes.
     pub fn start(playground: &Playground<'_>, training: &DemonstratorTraining, seed: &Seed) -> Result<Self> {
@@ -79,7 +86,7 @@ impl DemonstratorState {
         let filter = ObservationFilter::identity(specification.observation_size);
         let policy =
             Policy::untrained(&training.policy, filter, specification.action_size, seed.of("policy"));
-        let seeds = seed.of("filter").many(training.trajectories);
+        let seeds = seed.of("filter").many(training.episodes(specification.horizon));
         let played = rollout::play(playground, &policy, Acting::Sampled, EnvVariant(0), seeds)?;
         let mut moments = Moments::default();
         played.iter().for_each(|trajectory| moments.add(trajectory.observations()));
@@ -190,9 +197,10 @@ fn play_stage(
     seed: &Seed,
 ) -> Result<(Vec<Trajectory>, Stage)> {
     let variants = playground.specification().variants.len();
-    let mut trajectories = Vec::with_capacity(training.trajectories);
+    let total = training.episodes(playground.specification().horizon);
+    let mut trajectories = Vec::with_capacity(total);
     for variant in 0..variants {
-        let episodes = training.trajectories.div_ceil(variants);
+        let episodes = total.div_ceil(variants);
         let seeds = seed.of("play").at(state.updates).at(variant).many(episodes);
         trajectories.extend(rollout::play(
             playground,

@@ -113,6 +113,7 @@ fn check_numbers(config: &Config) -> Result<()> {
     let mut counts = vec![
         ("meta_train.meta_batch".to_owned(), meta_train.meta_batch),
         ("judge.iterations".to_owned(), judge.iterations),
+        ("judge.averaged".to_owned(), judge.averaged),
         ("judge.evaluations".to_owned(), judge.evaluations),
         ("judge.repeats".to_owned(), judge.repeats),
         ("imitate.evaluations".to_owned(), imitate.evaluations),
@@ -124,7 +125,7 @@ fn check_numbers(config: &Config) -> Result<()> {
     ];
     for (name, update) in updates {
         counts.extend([
-            (format!("{name}.trajectories"), update.trajectories),
+            (format!("{name}.batch_steps"), update.batch_steps),
             (format!("{name}.discriminator.steps"), update.discriminator.steps),
             (format!("{name}.discriminator.batch"), update.discriminator.batch),
             (format!("the number of {name}.alphas"), update.alphas.len()),
@@ -310,7 +311,7 @@ mod tests {
     #[test]
     fn a_wrong_number_is_told_with_its_name_and_what_would_be_right() {
         let zero = |name: &str| format!("{name} = 0, and must be at least 1");
-        assert_eq!(complaint(|config| config.inner.trajectories = 0), zero("inner.trajectories"));
+        assert_eq!(complaint(|config| config.inner.batch_steps = 0), zero("inner.batch_steps"));
         assert_eq!(
             complaint(|config| config.inner.discriminator.batch = 0),
             zero("inner.discriminator.batch")

@@ -25,7 +25,7 @@ use crate::trajectory::Trajectory;
 pub struct Imitation {
     /// Environment steps to learn from; evaluation comes on top. Equal for whatever is compared.
     pub environment_steps: usize,
-    /// The update, with the number of episodes played before each.
+    /// The update, with what is played before each.
     pub update: InnerUpdate,
     /// Widths of the discriminator's hidden layers (Table 3: 100, 100).
     pub discriminator_hidden: Vec<usize>,
@@ -147,8 +147,9 @@ fn improve(
     imitation: &Imitation,
     (seed, part, observer): (&Seed, &str, &mut dyn Observer),
 ) -> Result<()> {
+    let episodes = imitation.update.episodes(playground.specification().horizon);
     let variant = EnvVariant(state.updates % playground.specification().variants.len());
-    let seeds = seed.of("play").at(state.updates).many(imitation.update.trajectories);
+    let seeds = seed.of("play").at(state.updates).many(episodes);
     let policy = &state.learner.policy;
     let trajectories = rollout::play(playground, policy, Acting::Sampled, variant, seeds)?;
     let played = Played::new(playground, policy, &trajectories);

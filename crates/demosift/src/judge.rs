@@ -11,13 +11,13 @@
 //! | 12: S = K(after) − K(before) (Eq. 8) | [`Suitability::score`] |
 //! | 14: i_opt (Eq. 9) | [`crate::select`] |
 //!
-//! Where we differ: adaptation may be repeated with other random numbers and the outcomes pooled, since one short
-//! adaptation is a noisy witness.
+//! Where we differ: an adaptation may be repeated with other random numbers and the outcomes pooled, and what is
+//! evaluated is the mean of its last θ, since a single θ of one short adaptation is a noisy witness.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::adapt::{self, InnerUpdate, MetaPrior, UpdateReport};
+use crate::adapt::{self, Course, InnerUpdate, MetaPrior, UpdateReport};
 use crate::demonstration::{DemoId, DemonstrationSet};
 use crate::environment::EnvVariant;
 use crate::error::Result;
@@ -34,6 +34,8 @@ use crate::seed::Seed;
 pub struct Judging {
     /// max_iter: inner updates per adaptation (§4.3: a few).
     pub iterations: usize,
+    /// Of how many last θ of an adaptation the mean is evaluated; not in the paper.
+    pub averaged: usize,
     /// M: evaluation seeds (Algorithm 2 line 11); not in the paper.
     pub evaluations: usize,
     /// Adaptations per demonstration and variant, each with its own random numbers; not in the paper.
@@ -142,10 +144,11 @@ impl Judge<'_> {
         let repeats: Vec<_> = (0..self.judging.repeats)
             .into_par_iter()
             .map(|repeat| {
-                let adaptation = (self.inner, self.judging.iterations);
+                let Judging { iterations, averaged, .. } = *self.judging;
+                let course = Course { inner: self.inner, iterations, averaged };
                 let seed = self.seed.of("adapt").at(repeat);
                 let adapted =
-                    adapt::adapt(prior, &[demonstrated], self.playground, self.variant, adaptation, &seed)?;
+                    adapt::adapt(prior, &[demonstrated], self.playground, self.variant, &course, &seed)?;
                 Ok((self.evaluate(&adapted.learner.policy)?, adapted.curve))
             })
             .collect::<Result<_>>()?;

@@ -147,13 +147,14 @@ fn round(
     inner: &InnerUpdate,
     seed: &Seed,
 ) -> Result<Vec<Outcome>> {
+    let episodes = inner.episodes(playground.specification().horizon);
     let mut variants: Vec<EnvVariant> = tasks.iter().map(|(_, variant)| *variant).collect();
     variants.sort_unstable();
     variants.dedup();
     let before: Vec<(EnvVariant, Played)> = variants
         .into_par_iter()
         .map(|variant| {
-            let seeds = seed.of("before").at(variant.0).many(inner.trajectories);
+            let seeds = seed.of("before").at(variant.0).many(episodes);
             let trajectories = rollout::play(playground, &prior.policy, Acting::Sampled, variant, seeds)?;
             Ok((variant, Played::new(playground, &prior.policy, &trajectories)))
         })
@@ -187,7 +188,7 @@ fn adapt_and_play(
     let mut adam = Adam::new(prior.discriminator.parameters().len());
     let (adapted, update) =
         adapt::update(prior, before, &[demonstrated], (inner, inner.alpha(0)), &mut adam, seed.of("fit"))?;
-    let seeds = seed.of("play").many(inner.trajectories);
+    let seeds = seed.of("play").many(inner.episodes(playground.specification().horizon));
     let trajectories = rollout::play(playground, &adapted.policy, Acting::Sampled, variant, seeds)?;
     let after = Played::new(playground, &adapted.policy, &trajectories);
     Ok(Outcome { demo, adapted, after, update })
@@ -287,7 +288,7 @@ mod tests {
 
     fn learning() -> (MetaTraining, InnerUpdate) {
         let config = Preset::Quick.config();
-        (config.meta_train, InnerUpdate { trajectories: 6, ..config.inner })
+        (config.meta_train, InnerUpdate { batch_steps: 180, ..config.inner })
     }
 
     fn doubles(values: &[f32]) -> Vec<f64> {

@@ -29,59 +29,61 @@ impl Preset {
 
     /// The preset's configuration; tasks have small changes of their own on top.
     pub fn config(self) -> Config {
-        let by = |quick, standard, paper| match self {
-            Self::Quick => quick,
-            Self::Standard => standard,
-            Self::Paper => paper,
-        };
         Config {
             seed: 0,
             keep: 0,
             policy: PolicyShape { hidden: vec![32, 32], initial_std: 0.5 },
-            inner: inner_update(by(8, 20, 20)),
+            inner: InnerUpdate { alphas: self.alphas(), ..update(20, 0.15) },
             meta_train: MetaTraining {
-                rounds: by(60, 400, 2000),
+                rounds: self.by(25, 60, 2000),
                 meta_batch: 10,
-                trust_region: TrustRegion { max_kl: 0.01, ..TrustRegion::default() },
+                trust_region: TrustRegion { max_kl: 0.03, ..TrustRegion::default() },
                 discriminator_learning_rate: 1e-3,
                 discriminator_hidden: vec![100, 100],
                 checkpoint_every: 10,
             },
             judge: Judging {
-                iterations: by(5, 8, 8),
-                evaluations: by(20, 50, 50),
-                repeats: by(2, 4, 4),
-                acting: Acting::Mean,
+                iterations: self.by(20, 40, 10),
+                averaged: self.by(5, 10, 1),
+                evaluations: self.by(10, 20, 50),
+                repeats: self.by(1, 2, 4),
+                acting: Acting::Sampled,
             },
             imitate: Imitation {
-                environment_steps: by(100_000, 600_000, 5_000_000),
-                update: imitation_update(by(30, 50, 50)),
+                environment_steps: self.by(250_000, 600_000, 5_000_000),
+                update: update(10, 0.03),
                 discriminator_hidden: vec![100, 100],
                 evaluate_every: 10,
                 evaluations: 20,
-                acting: Acting::Mean,
+                acting: Acting::Sampled,
                 checkpoint_every: 10,
             },
         }
     }
-}
 
-fn inner_update(trajectories: usize) -> InnerUpdate {
-    InnerUpdate {
-        trajectories,
-        alphas: vec![1.0, 0.5],
-        trust_region: TrustRegion { max_kl: 0.15, ..TrustRegion::default() },
-        discriminator: Fitting { learning_rate: 3e-3, steps: 20, batch: 500, entropy: 0.3 },
-        advantage: AdvantageEstimation::default(),
+    /// A.2.1 halves α after the first iteration. Full steps throughout tell demonstrations apart in fewer iterations.
+    fn alphas(self) -> Vec<f64> {
+        match self {
+            Self::Quick | Self::Standard => vec![1.0],
+            Self::Paper => vec![1.0, 0.5],
+        }
+    }
+
+    fn by(self, quick: usize, standard: usize, paper: usize) -> usize {
+        match self {
+            Self::Quick => quick,
+            Self::Standard => standard,
+            Self::Paper => paper,
+        }
     }
 }
 
-fn imitation_update(trajectories: usize) -> InnerUpdate {
+fn update(discriminator_steps: usize, max_kl: f64) -> InnerUpdate {
     InnerUpdate {
-        trajectories,
+        batch_steps: 2000,
         alphas: vec![1.0],
-        trust_region: TrustRegion { max_kl: 0.03, ..TrustRegion::default() },
-        discriminator: Fitting { learning_rate: 3e-3, steps: 10, batch: 500, entropy: 0.3 },
+        trust_region: TrustRegion { max_kl, ..TrustRegion::default() },
+        discriminator: Fitting { learning_rate: 3e-3, steps: discriminator_steps, batch: 500, entropy: 0.3 },
         advantage: AdvantageEstimation::default(),
     }
 }

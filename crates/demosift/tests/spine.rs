@@ -29,7 +29,7 @@ fn small(seed: u64) -> Config {
         seed,
         keep: 2,
         policy: PolicyShape { hidden: vec![16, 16], initial_std: 0.5 },
-        inner: InnerUpdate { trajectories: 8, discriminator: fitting.clone(), ..quick.inner },
+        inner: InnerUpdate { batch_steps: 240, discriminator: fitting.clone(), ..quick.inner },
         meta_train: MetaTraining {
             rounds: 10,
             discriminator_hidden: vec![32, 32],
@@ -39,7 +39,7 @@ fn small(seed: u64) -> Config {
         judge: Judging { iterations: 6, evaluations: 10, repeats: 2, ..quick.judge },
         imitate: Imitation {
             environment_steps: 6000,
-            update: InnerUpdate { trajectories: 20, discriminator: fitting, ..quick.imitate.update },
+            update: InnerUpdate { batch_steps: 600, discriminator: fitting, ..quick.imitate.update },
             discriminator_hidden: vec![32, 32],
             evaluate_every: 4,
             evaluations: 10,
@@ -318,7 +318,7 @@ fn imitating_the_good_demonstration_alone_beats_imitating_a_bad_one() {
 fn training() -> DemonstratorTraining {
     DemonstratorTraining {
         updates: 40,
-        trajectories: 20,
+        batch_steps: 600,
         policy: PolicyShape { hidden: vec![16, 16], initial_std: 0.5 },
         trust_region: TrustRegion { max_kl: 0.05, ..TrustRegion::default() },
         advantage: Default::default(),

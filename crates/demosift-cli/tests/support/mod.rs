@@ -15,7 +15,7 @@ use demosift::seed::Seed;
 /// Budgets that take a second.
 pub(crate) const TINY: &str = "
 [inner]
-trajectories = 4
+batch_steps = 120
 [meta_train]
 rounds = 6
 checkpoint_every = 2
@@ -29,7 +29,7 @@ evaluations = 4
 evaluate_every = 2
 checkpoint_every = 2
 [imitate.update]
-trajectories = 10
+batch_steps = 300
 ";
 
 /// A folder that goes away with the test; commands run in it.
