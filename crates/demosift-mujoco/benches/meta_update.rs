@@ -3,7 +3,7 @@
 //!
 //! The demonstrations are episodes of policies that know nothing: what an update costs hardly depends on what was shown.
 //!
-//! `cargo bench -p demosift-mujoco --bench meta_update`
+//! `cargo bench -p demosift-mujoco --bench meta_update [-- TASK..]`
 #![allow(clippy::print_stdout, clippy::unwrap_used, missing_docs)]
 
 use std::sync::Arc;
@@ -43,7 +43,11 @@ fn main() {
         "{:14} {:12} {:>7} {:>10} {:>10} {:>9} {:>16}",
         "update", "task", "threads", "wall ms", "steps/s", "physics", "learner us/step"
     );
+    let wanted: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
     for (name, demonstrations) in SETS {
+        if !wanted.is_empty() && !wanted.iter().any(|task| task == name) {
+            continue;
+        }
         let task = Timed { task: Box::new(registry::load(name).unwrap()), nanos: Arc::default() };
         let set = episodes_of_untrained(&task, demonstrations);
         for threads in [1, 2] {

@@ -4,10 +4,15 @@
 
 #![allow(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
+use demosift::advantage::{AdvantageEstimation, Rewarded, advantages};
+use demosift::gail::{self, Discriminator, Fitting};
 use demosift::nn::{Adam, Mlp, Tape, gaussian, sigmoid_in_place};
+use demosift::observation_filter::ObservationFilter;
+use demosift::policy::Policy;
 use demosift::rows::Rows;
 use demosift::seed::Seed;
 use demosift::solve;
+use demosift::trpo::{self, Experience, StepEnd, TrustRegion};
 use gemm::Parallelism;
 use std::hint::black_box;
 use std::time::Instant;
@@ -19,15 +24,29 @@ const DISCRIMINATOR: [usize; 4] = [76, 100, 100, 1];
 const PAIRS: usize = 4000;
 
 fn main() {
+    // The learner works in parallel where it can: one thread, to be compared with the bare products of one thread.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    pool.install(all);
+}
+
+fn all() {
     println!(
-        "{:44} {:>10} {:>10} {:>10} {:>10} {:>8}",
-        "f32, one thread", "median", "least", "goal", "products", "ratio"
+        "ms, f32, one thread; known: measured for the same work in plain code, the goal is 1.5 times that;"
     );
-    println!("(products: least of the bare matrix products alone; ratio: least / products)");
+    println!("products: the bare matrix products in it; ratios: of the least times");
+    println!(
+        "{:44} {:>9} {:>9} {:>9} {:>8} {:>9} {:>8}",
+        "", "median", "least", "known", "/ known", "products", "/ prod."
+    );
     peak();
     policy_gradient();
     fisher_vector_product();
+    trpo_step();
     discriminator_step();
+    whole_discriminator_step();
+    discriminator_fit(60);
+    discriminator_fit(1000);
+    advantage_estimation();
     observations(1, 0.0012);
     observations(32, 0.0042);
     ridge_regression();
@@ -49,10 +68,21 @@ fn measure(mut run: impl FnMut()) -> Vec<f64> {
     times
 }
 
-fn report(what: &str, goal_ms: f64, times: &[f64], products: &[f64]) {
+fn report(what: &str, known_ms: f64, times: &[f64], products: &[f64]) {
     let (median, least) = (times[times.len() / 2], times[0]);
     let bare = products.first().copied().unwrap_or(f64::NAN);
-    println!("{what:44} {median:>10.4} {least:>10.4} {goal_ms:>10.4} {bare:>10.4} {:>8.2}", least / bare);
+    // What is not known, or has no products, is left out.
+    let number = |value: f64, digits: usize| match value.is_finite() {
+        true => format!("{value:.digits$}"),
+        false => String::new(),
+    };
+    println!(
+        "{what:44} {median:>9.4} {least:>9.4} {:>9} {:>8} {:>9} {:>8}",
+        number(known_ms, 4),
+        number(least / known_ms, 2),
+        number(bare, 4),
+        number(least / bare, 2)
+    );
 }
 
 /// A product of these sizes: rows and columns of the result, inner size; whether left or right is transposed.
@@ -83,14 +113,20 @@ fn shapes(widths: &[usize], rows: usize, [forward, backward, tangents]: [bool; 3
 
 /// Milliseconds of the bare products, block after block.
 fn bare(widths: &[usize], batch: usize, passes: [bool; 3]) -> Vec<f64> {
+    bare_in_turn(widths, batch, &[passes])
+}
+
+/// The same for several passes, one after the other over the whole batch.
+fn bare_in_turn(widths: &[usize], batch: usize, passes: &[[bool; 3]]) -> Vec<f64> {
     let blocks: Vec<usize> = (0..batch).step_by(BLOCK).map(|start| BLOCK.min(batch - start)).collect();
-    let shapes = shapes(widths, blocks[0], passes);
+    let shapes: Vec<Shape> = passes
+        .iter()
+        .flat_map(|passes| blocks.iter().flat_map(|rows| shapes(widths, *rows, *passes)))
+        .collect();
     let values = vec![0.01_f32; BLOCK * 128];
     let mut out = vec![0.0_f32; BLOCK * 128];
     measure(|| {
-        for _ in &blocks {
-            shapes.iter().for_each(|shape| multiply(shape, &values, &mut out));
-        }
+        shapes.iter().for_each(|shape| multiply(shape, &values, &mut out));
         black_box(&out);
     })
 }
@@ -202,6 +238,44 @@ fn fisher_vector_product() {
     report("Fisher-vector product, the same", 0.72, &times, &bare(&POLICY, BATCH, [false, true, true]));
 }
 
+/// `trpo::step` as a learner calls it: 2000 rows in experiences of 1000.
+fn trpo_step() {
+    let identity = ObservationFilter::identity(POLICY[0]);
+    let mlp = Mlp::new(&POLICY);
+    let log_std = [-0.5_f32; POLICY[3]];
+    let parameters: Vec<f32> = mlp.initial_parameters(1.0, Seed::new(0)).into_iter().chain(log_std).collect();
+    let policy = Policy::from_parts(mlp, parameters, identity);
+    let observations = Rows::from_flat(numbers(BATCH * POLICY[0], "observations"), POLICY[0]).unwrap();
+    let mut actions = policy.means(&observations);
+    let noise = numbers(BATCH * POLICY[3], "noise");
+    actions.flat_mut().iter_mut().zip(noise).for_each(|(action, noise)| *action += 0.6 * noise);
+    let advantages = numbers(BATCH, "advantages");
+    let experiences: Vec<Experience<'_>> = (0..BATCH)
+        .step_by(1000)
+        .map(|start| Experience {
+            policy: &policy,
+            observations: &observations.flat()[start * POLICY[0]..(start + 1000) * POLICY[0]],
+            actions: &actions.flat()[start * POLICY[3]..(start + 1000) * POLICY[3]],
+            advantages: &advantages[start..start + 1000],
+            weight: 1000.0 / BATCH as f64,
+        })
+        .collect();
+    let region = TrustRegion::default();
+    let step = || trpo::step(&experiences, &region, 1.0).unwrap();
+    let found = step();
+    assert_eq!(found.end, StepEnd::Moved);
+    // A step that was halved has a quarter of the divergence.
+    let trials = 1 + (region.max_kl / found.kl).log(4.0).round() as usize;
+    let times = measure(|| {
+        black_box(step());
+    });
+    let (forward, backward, product) = ([true, false, false], [false, true, false], [false, true, true]);
+    let mut passes = vec![forward, backward];
+    passes.extend(vec![product; region.conjugate_gradient_iterations + 1]);
+    passes.extend(vec![forward; trials]);
+    report("trpo::step, the same", 11.9, &times, &bare_in_turn(&POLICY, BATCH, &passes));
+}
+
 fn discriminator_step() {
     let mlp = Mlp::new(&DISCRIMINATOR);
     let mut parameters = mlp.initial_parameters(1.0, Seed::new(0));
@@ -227,6 +301,50 @@ fn discriminator_step() {
         &times,
         &bare(&DISCRIMINATOR, PAIRS, [true, true, false]),
     );
+}
+
+fn pairs(count: usize, name: &str) -> Rows {
+    Rows::from_flat(numbers(count * DISCRIMINATOR[0], name), DISCRIMINATOR[0]).unwrap()
+}
+
+/// The step as a fit makes it, on all pairs.
+fn whole_discriminator_step() {
+    let start = Discriminator::undecided(&DISCRIMINATOR[1..3], DISCRIMINATOR[0], Seed::new(0));
+    let (generated, demonstrated) = (pairs(PAIRS / 2, "generated"), pairs(PAIRS / 2, "demonstrated"));
+    let mut adam = Adam::new(start.parameters().len());
+    let mut parameters = start.parameters().to_vec();
+    let times = measure(|| {
+        let (_, gradient) = gail::loss_and_gradient(&start, &[&generated], &[&demonstrated], 0.3);
+        adam.descend(1e-4, &gradient, &mut parameters);
+        black_box(&parameters);
+    });
+    let products = bare(&DISCRIMINATOR, PAIRS, [true, true, false]);
+    report("gail::loss_and_gradient and Adam, the same", 2.35, &times, &products);
+}
+
+/// A fit as an adaptation makes it: 20 steps on 500 pairs of each kind, drawn with replacement.
+fn discriminator_fit(demonstrated: usize) {
+    const AGENT: usize = 1200;
+    let fitting = Fitting { learning_rate: 3e-3, steps: 20, batch: 500, entropy: 0.3 };
+    let start = Discriminator::undecided(&DISCRIMINATOR[1..3], DISCRIMINATOR[0], Seed::new(0));
+    let (agent, shown) = (pairs(AGENT, "agent"), pairs(demonstrated, "demonstrated"));
+    let times = measure(|| {
+        let mut adam = Adam::new(start.parameters().len());
+        black_box(gail::fit(&start, &[&agent], &[&shown], &fitting, &mut adam, Seed::new(2)).unwrap());
+    });
+    let passes = vec![[true, true, false]; fitting.steps];
+    let products = bare_in_turn(&DISCRIMINATOR, 2 * fitting.batch, &passes);
+    report(&format!("gail::fit, 20 x (500 of {AGENT} + 500 of {demonstrated})"), f64::NAN, &times, &products);
+}
+
+fn advantage_estimation() {
+    let observations = Rows::from_flat(numbers(BATCH * POLICY[0], "observations"), POLICY[0]).unwrap();
+    let rewards = numbers(BATCH, "rewards");
+    let rewarded = Rewarded { observations: &observations, rewards: &rewards, lengths: &[200; BATCH / 200] };
+    let times = measure(|| {
+        black_box(advantages(rewarded, &AdvantageEstimation::default()).unwrap());
+    });
+    report("advantages, 2000 rows of 55", f64::NAN, &times, &[]);
 }
 
 fn observations(count: usize, goal_ms: f64) {

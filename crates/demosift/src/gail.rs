@@ -137,10 +137,12 @@ pub fn fit(
     let mut report = FitReport { loss: f64::NAN, accuracy: f64::NAN };
     let mut rng = seed.into_rng();
     for _ in 0..fitting.steps {
-        let generated = draw(generated, fitting.batch, &mut rng);
-        let demonstrated = draw(demonstrated, fitting.batch, &mut rng);
-        let (found, gradient) =
-            loss_and_gradient_in(&fitted, &[&generated], &[&demonstrated], fitting.entropy, &mut workspace);
+        let drawn = [
+            draw(generated, true, fitting.batch, &mut rng),
+            draw(demonstrated, false, fitting.batch, &mut rng),
+        ];
+        let chunks: Vec<Chunk<'_>> = drawn.iter().flat_map(Drawn::chunks).collect();
+        let (found, gradient) = loss_and_gradient_in(&fitted, &chunks, fitting.entropy, &mut workspace);
         if !found.loss.is_finite() {
             return Err(Error::diverged("the discriminator's loss is not a finite number"));
         }
@@ -150,20 +152,52 @@ pub fn fit(
     Ok((fitted, report))
 }
 
-/// `count` rows drawn from all tables alike, with replacement.
-fn draw(tables: &[&Rows], count: usize, rng: &mut Rng) -> Rows {
+/// Pairs of one kind that were drawn with replacement: each once, and how often it was drawn.
+struct Drawn {
+    rows: Rows,
+    counts: Vec<f32>,
+    share: f64,
+    generated: bool,
+}
+
+/// Draws `count` rows from all tables alike, with replacement.
+///
+/// A short demonstration is drawn many times over: computing each row once saves half the work of a fit.
+fn draw(tables: &[&Rows], generated: bool, count: usize, rng: &mut Rng) -> Drawn {
     let total: usize = tables.iter().map(|rows| rows.len()).sum();
-    let mut drawn = Rows::with_capacity(tables.first().map_or(0, |rows| rows.width()), count);
-    for _ in 0..count {
-        let mut index = rng.random_range(0..total);
-        let table = tables.iter().find(|rows| {
-            let here = index < rows.len();
-            index -= if here { 0 } else { rows.len() };
-            here
-        });
-        drawn.push(table.expect("the index is below the sum of the lengths").row(index));
+    let mut indices: Vec<usize> = (0..count).map(|_| rng.random_range(0..total)).collect();
+    indices.sort_unstable();
+    let width = tables.first().map_or(0, |rows| rows.width());
+    let mut drawn = Drawn {
+        rows: Rows::with_capacity(width, count),
+        counts: Vec::new(),
+        share: 1.0 / count as f64,
+        generated,
+    };
+    let (mut rest, mut start) = (indices.as_slice(), 0);
+    for table in tables {
+        let end = start + table.len();
+        let (here, later) = rest.split_at(rest.partition_point(|index| *index < end));
+        for same in here.chunk_by(|a, b| a == b) {
+            drawn.rows.push(table.row(same[0] - start));
+            drawn.counts.push(same.len() as f32);
+        }
+        (rest, start) = (later, end);
     }
     drawn
+}
+
+impl Drawn {
+    fn chunks(&self) -> impl Iterator<Item = Chunk<'_>> {
+        let pairs = self.rows.flat().chunks(CHUNK_ROWS * self.rows.width());
+        let counts = self.counts.chunks(CHUNK_ROWS);
+        pairs.zip(counts).map(move |(pairs, counts)| Chunk {
+            pairs,
+            generated: self.generated,
+            share: self.share,
+            counts: Some(counts),
+        })
+    }
 }
 
 /// E_τ[−log D(s,a)] + E_v[−log(1−D(s,a))] − c·H(D), and its gradient with respect to the parameters, `[P]`.
@@ -175,7 +209,8 @@ pub fn loss_and_gradient(
     demonstrated: &[&Rows],
     entropy: f64,
 ) -> (FitReport, Vec<f32>) {
-    loss_and_gradient_in(discriminator, generated, demonstrated, entropy, &mut Workspace::default())
+    let chunks: Vec<Chunk<'_>> = chunks(generated, true).chain(chunks(demonstrated, false)).collect();
+    loss_and_gradient_in(discriminator, &chunks, entropy, &mut Workspace::default())
 }
 
 /// R_IL(s,a) = −log D(s,a) = softplus(−logit)
@@ -194,22 +229,26 @@ struct Workspace {
     tapes: Vec<Tape<f32>>,
 }
 
-/// Part of one kind of pairs: `[rows, obs + act]` flat, and the share of each pair in the loss.
+/// Part of one kind of pairs: `[rows, obs + act]` flat, the share of each in the loss, and how often each counts.
 struct Chunk<'a> {
     pairs: &'a [f32],
     generated: bool,
     share: f64,
+    counts: Option<&'a [f32]>,
+}
+
+impl Chunk<'_> {
+    fn count(&self, row: usize) -> f32 {
+        self.counts.map_or(1.0, |counts| counts[row])
+    }
 }
 
 fn loss_and_gradient_in(
     discriminator: &Discriminator,
-    generated: &[&Rows],
-    demonstrated: &[&Rows],
+    chunks: &[Chunk<'_>],
     entropy: f64,
     workspace: &mut Workspace,
 ) -> (FitReport, Vec<f32>) {
-    let mut chunks = chunks(generated, true);
-    chunks.extend(self::chunks(demonstrated, false));
     workspace.tapes.resize_with(chunks.len(), Tape::default);
     let parts: Vec<(FitReport, Vec<f32>)> = chunks
         .par_iter()
@@ -226,13 +265,14 @@ fn loss_and_gradient_in(
     (report, gradient)
 }
 
-fn chunks<'a>(tables: &[&'a Rows], generated: bool) -> Vec<Chunk<'a>> {
+fn chunks<'a>(tables: &[&'a Rows], generated: bool) -> impl Iterator<Item = Chunk<'a>> {
     let share = 1.0 / tables.iter().map(|rows| rows.len()).sum::<usize>().max(1) as f64;
-    tables
-        .iter()
-        .flat_map(|rows| rows.flat().chunks(CHUNK_ROWS * rows.width()))
-        .map(|pairs| Chunk { pairs, generated, share })
-        .collect()
+    tables.iter().flat_map(|rows| rows.flat().chunks(CHUNK_ROWS * rows.width())).map(move |pairs| Chunk {
+        pairs,
+        generated,
+        share,
+        counts: None,
+    })
 }
 
 fn chunk_loss_and_gradient(
@@ -255,16 +295,19 @@ fn chunk_loss_and_gradient(
     let cotangents: Vec<f32> = logits
         .iter()
         .zip(&probabilities)
-        .map(|(logit, probability)| {
+        .enumerate()
+        .map(|(row, (logit, probability))| {
             let unsure = entropy as f32 * logit * probability * (1.0 - probability);
-            (probability - label + unsure) * chunk.share as f32
+            (probability - label + unsure) * chunk.share as f32 * chunk.count(row)
         })
         .collect();
-    let right = logits.iter().filter(|logit| (**logit > 0.0) == chunk.generated).count();
+    let counted = |(row, value): (usize, f64)| value * f64::from(chunk.count(row));
+    let is_right = |logit: &f32| f64::from(u8::from((*logit > 0.0) == chunk.generated));
+    let right = logits.iter().map(is_right).enumerate().map(counted).sum::<f64>();
     let mut gradient = vec![0.0; parameters.len()];
     network.vjp(parameters, chunk.pairs, tape, &cotangents, &mut gradient);
-    let loss = losses.iter().map(|loss| f64::from(*loss)).sum::<f64>() * chunk.share;
-    (FitReport { loss, accuracy: right as f64 * chunk.share }, gradient)
+    let loss = losses.iter().map(|loss| f64::from(*loss)).enumerate().map(counted).sum::<f64>();
+    (FitReport { loss: loss * chunk.share, accuracy: right * chunk.share }, gradient)
 }
 
 #[cfg(test)]
@@ -386,10 +429,10 @@ mod tests {
     fn a_draw_takes_every_row_of_every_table() {
         let tables =
             [vec![0.0, 1.0], vec![2.0], vec![3.0, 4.0]].map(|v| Rows::from_flat(v, 1).expect("whole rows"));
-        let drawn = draw(&tables.each_ref(), 500, &mut Seed::new(1).into_rng());
-        for value in 0..5 {
-            let count = drawn.flat().iter().filter(|drawn| **drawn == value as f32).count();
-            assert!((60..140).contains(&count), "{value} was drawn {count} of 500 times");
+        let drawn = draw(&tables.each_ref(), true, 500, &mut Seed::new(1).into_rng());
+        assert_eq!(drawn.rows.len(), 5);
+        for (value, count) in drawn.rows.flat().iter().zip(&drawn.counts) {
+            assert!((60.0..140.0).contains(count), "{value} was drawn {count} of 500 times");
         }
     }
 
@@ -402,5 +445,23 @@ mod tests {
         let rows = cloud(0.0, 1);
         let fitted = fit(&broken, &[&rows], &[&rows], &fitting, &mut adam, Seed::new(5));
         assert!(fitted.expect_err("diverged").is_diverged());
+    }
+
+    #[test]
+    fn rows_that_are_drawn_often_count_as_often() {
+        let (fitted, agent, demonstration) = fitted();
+        let tables = [&agent.head(3), &demonstration.head(7)];
+        let drawn = draw(&tables, true, 50, &mut Seed::new(4).into_rng());
+        assert!(drawn.rows.len() <= 10 && drawn.counts.iter().sum::<f32>() == 50.0);
+        let mut one_by_one = Rows::with_capacity(3, 50);
+        for (row, count) in drawn.rows.iter().zip(&drawn.counts) {
+            (0..*count as usize).for_each(|_| one_by_one.push(row));
+        }
+        let chunks: Vec<Chunk<'_>> = drawn.chunks().chain(super::chunks(&[&demonstration], false)).collect();
+        let (once, gradient_once) = loss_and_gradient_in(&fitted, &chunks, 0.1, &mut Workspace::default());
+        let (each, gradient_each) = loss_and_gradient(&fitted, &[&one_by_one], &[&demonstration], 0.1);
+        assert!((once.loss - each.loss).abs() < 1e-6 && (once.accuracy - each.accuracy).abs() < 1e-9);
+        let close = |(a, b): (&f32, &f32)| (a - b).abs() < 1e-6;
+        assert!(gradient_once.iter().zip(&gradient_each).all(close));
     }
 }
