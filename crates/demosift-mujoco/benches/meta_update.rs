@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use demosift::Result;
-use demosift::demonstration::{DemoId, Demonstration, DemonstrationSet};
+use demosift::demonstration::{Demonstration, DemonstrationSet};
 use demosift::environment::{EnvVariant, Environment, Specification, StepOutcome, Task};
 use demosift::experiment::Config;
 use demosift::heuristic::Heuristic;

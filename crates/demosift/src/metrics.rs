@@ -1,6 +1,11 @@
 //! How well a ranking agrees with another opinion.
 
 /// Spearman's rank correlation of two lists of values, ties sharing their mean rank; NaN if one list is constant.
+///
+/// ```
+/// let (ours, oracle) = ([0.9, 0.1, 0.5], [10.0, 2.0, 7.0]);
+/// assert_eq!(demosift::metrics::spearman(&ours, &oracle), 1.0);
+/// ```
 pub fn spearman(left: &[f64], right: &[f64]) -> f64 {
     pearson(&ranks(left), &ranks(right))
 }

@@ -11,6 +11,14 @@ use sha2::{Digest, Sha256};
 pub type Rng = rand_chacha::ChaCha8Rng;
 
 /// A splittable seed; use consumes it, so that no two draws share one by accident.
+///
+/// ```
+/// use demosift::seed::Seed;
+///
+/// let run = Seed::new(7);
+/// let third_episode = run.of("judge").at(2);
+/// assert_eq!(third_episode, Seed::new(7).of("judge").at(2)); // whatever else was drawn
+/// ```
 #[derive(Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Seed([u8; 32]);
 
