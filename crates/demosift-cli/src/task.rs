@@ -14,7 +14,10 @@ const POINT_MASS: &str = "point_mass";
 const VALUES_FILE: &str = "config.toml";
 
 /// Values that a task's name brings with it; see [`crate::configuration::preset`] for tables named after a preset.
-const BUILT_IN_VALUES: [(&str, &str); 1] = [(POINT_MASS, include_str!("../../../configs/point_mass.toml"))];
+const BUILT_IN_VALUES: [(&str, &str); 2] = [
+    (POINT_MASS, include_str!("../../../configs/point_mass.toml")),
+    ("free_throw", include_str!("../../../configs/free_throw.toml")),
+];
 
 /// A task with what a run needs to know about where it comes from.
 pub(crate) struct Chosen {

@@ -101,10 +101,9 @@ fn imitation_updates(task: &Timed, set: &DemonstrationSet) -> Vec<Span> {
         ..imitate
     };
     let (playground, seed) = (Playground::new(task), Seed::new(0));
-    let state = ImitationState::start(set, &policy, &imitation.discriminator_hidden, &seed);
-    let subset: Vec<DemoId> = set.ids();
+    let state = ImitationState::start((set, &set.ids()), &policy, &imitation.discriminator_hidden, &seed);
     let mut watch = Watch::new(task, &playground);
-    imitate::imitate((set, &subset), &playground, &imitation, state, &seed, ("", &mut watch)).unwrap();
+    imitate::imitate(set, &playground, &imitation, state, &seed, ("", &mut watch)).unwrap();
     watch.spans
 }
 

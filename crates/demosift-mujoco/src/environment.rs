@@ -10,7 +10,7 @@
 
 use std::sync::Arc;
 
-use demosift::environment::{EnvVariant, Environment, StepOutcome};
+use demosift::environment::{EnvVariant, Environment, SimulatorState, StepOutcome};
 use demosift::seed::Seed;
 use demosift::{Error, Result};
 use mujoco_rs::prelude::{MjData, MjtWarning};
@@ -198,6 +198,10 @@ impl MujocoEnvironment {
 }
 
 impl Environment for MujocoEnvironment {
+    fn simulator_state(&self) -> Option<SimulatorState<'_>> {
+        Some(SimulatorState { qpos: self.qpos(), qvel: self.qvel() })
+    }
+
     fn reset(&mut self, variant: EnvVariant, seed: Seed, observation: &mut [f32], measurements: &mut [f32]) {
         self.data.reset();
         let (mut qpos, mut qvel) = (self.data.qpos().to_vec(), self.data.qvel().to_vec());

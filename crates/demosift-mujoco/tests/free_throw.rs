@@ -59,7 +59,7 @@ fn actuator(task: &MujocoTask, name: &str) -> usize {
 }
 
 #[test]
-fn sizes_are_those_of_table_2() {
+fn free_throw_has_the_sizes_of_table_2() {
     let task = registry::load("free_throw").unwrap();
     let specification = task.specification();
     assert_eq!((specification.observation_size, specification.action_size), (55, ACTIONS));
@@ -81,13 +81,26 @@ fn a_scripted_throw_scores_from_most_starts_and_a_weaker_one_from_none() {
 }
 
 #[test]
-fn a_score_pays_its_hundred_once_and_a_throw_is_paid_while_it_flies() {
+fn free_throw_pays_a_score_its_hundred_once_and_a_throw_while_it_flies() {
     let task = registry::load("free_throw").unwrap();
     let episode = (0..40).map(|seed| throw(&task, seed, 1.0)).find(|episode| episode.scored).unwrap();
     assert_eq!(episode.rewards.iter().filter(|reward| **reward > 99.0).count(), 1);
     let flying: f32 = episode.rewards[10..25].iter().sum();
     let holding: f32 = play(&task, 1, |_, _| ()).rewards[10..25].iter().sum();
     assert!(flying > 4.0 * holding, "{flying} against {holding}");
+}
+
+/// A.1: the minimum distance between ball and basket, negated, over the whole episode.
+#[test]
+fn free_throw_is_judged_by_the_least_distance_of_ball_and_basket() {
+    let task = registry::load("free_throw").unwrap();
+    let distance = task.specification().measurement("distance").unwrap();
+    for (seed, strength) in [(0, 1.0), (1, 0.7), (2, 0.0)] {
+        let episode = throw(&task, seed, strength);
+        let distances = episode.measurements.iter().map(|row| f64::from(row[distance]));
+        let least = distances.fold(f64::INFINITY, f64::min);
+        assert!((episode.score + least).abs() < 1e-6, "{} and {least}", episode.score);
+    }
 }
 
 #[test]

@@ -260,3 +260,136 @@ fn mean_and_std(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
     let variance = values.map(|value| (value - mean).powi(2)).sum::<f64>() / count;
     (mean, variance.sqrt())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::demonstration::DemoId;
+    use crate::point_mass::{PointMass, planted_set};
+    use crate::preset::Preset;
+
+    fn inner() -> InnerUpdate {
+        let discriminator = Fitting { learning_rate: 0.01, steps: 20, batch: 200, entropy: 0.3 };
+        InnerUpdate { trajectories: 10, discriminator, ..Preset::Quick.config().inner }
+    }
+
+    fn untrained(set: &DemonstrationSet) -> Learner {
+        Learner::untrained(set, &PolicyShape { hidden: vec![16, 16], initial_std: 0.5 }, &[32], &Seed::new(1))
+    }
+
+    #[test]
+    fn appendix_a_2_1_alpha_is_one_at_first_and_then_half_at_a_kl_of_0_15() {
+        let inner = Preset::Paper.config().inner;
+        assert_eq!([0, 1, 2, 9].map(|iteration| inner.alpha(iteration)), [1.0, 0.5, 0.5, 0.5]);
+        assert_eq!(inner.trust_region.max_kl, 0.15);
+    }
+
+    /// L_IL = −E[R_IL]: on fresh episodes the adapted policy is paid more by the same discriminator.
+    #[test]
+    fn eq_1_an_inner_update_lowers_the_imitation_loss() {
+        let task = PointMass::new();
+        let playground = Playground::new(&task);
+        let set = planted_set(&[0.0, 180.0], Seed::new(1)).expect("a valid set");
+        let learner = untrained(&set);
+        let pairs = learner.demonstrated_pairs(&set);
+        for (demo, pairs) in pairs.iter().enumerate() {
+            let adapted =
+                adapt(&learner, &[pairs], &playground, EnvVariant(0), (&inner(), 1), &Seed::new(demo as u64))
+                    .expect("finite numbers");
+            let reward = |policy: &Policy| {
+                let seeds = Seed::new(99).many(100);
+                let fresh = rollout::play(&playground, policy, Acting::Sampled, EnvVariant(0), seeds)
+                    .expect("the point mass plays");
+                let played = Played::new(&playground, policy, &fresh);
+                let rewards = gail::imitation_rewards(&adapted.learner.discriminator, &played.pairs);
+                mean_and_std(rewards.iter().map(|reward| f64::from(*reward))).0
+            };
+            let (before, after) = (reward(&learner.policy), reward(&adapted.learner.policy));
+            assert!(after > before + 0.02, "demonstration {demo}: {before} became {after}");
+        }
+    }
+
+    #[test]
+    fn eq_1_imitating_opposite_demonstrations_leads_opposite_ways() {
+        let task = PointMass::new();
+        let playground = Playground::new(&task);
+        let set = planted_set(&[0.0, 180.0], Seed::new(1)).expect("a valid set");
+        let learner = untrained(&set);
+        let pairs = learner.demonstrated_pairs(&set);
+        let scores = [0, 1].map(|demo| {
+            let adapted =
+                adapt(&learner, &[&pairs[demo]], &playground, EnvVariant(0), (&inner(), 6), &Seed::new(7))
+                    .expect("finite numbers");
+            assert_eq!(adapted.curve.len(), 6);
+            adapted.curve.last().expect("six reports").score
+        });
+        assert!(scores[0] > scores[1] + 0.5, "{scores:?}");
+    }
+
+    /// The policy is paid by the discriminator as it is after its fit, and the report tells of that reward.
+    #[test]
+    fn the_reward_is_that_of_the_updated_discriminator() {
+        let task = PointMass::new();
+        let playground = Playground::new(&task);
+        let set = planted_set(&[0.0, 180.0], Seed::new(1)).expect("a valid set");
+        let learner = untrained(&set);
+        let pairs = learner.demonstrated_pairs(&set);
+        let seeds = Seed::new(3).many(10);
+        let trajectories = rollout::play(&playground, &learner.policy, Acting::Sampled, EnvVariant(0), seeds)
+            .expect("the point mass plays");
+        let played = Played::new(&playground, &learner.policy, &trajectories);
+        let mut adam = Adam::new(learner.discriminator.parameters().len());
+        let (updated, report) =
+            update(&learner, &played, &[&pairs[0]], (&inner(), 1.0), &mut adam, Seed::new(4))
+                .expect("finite numbers");
+        let mean = |discriminator: &Discriminator| {
+            let logits = discriminator.logits_generated(&played.pairs);
+            logits.iter().map(|logit| (-f64::from(*logit)).exp().ln_1p()).sum::<f64>() / logits.len() as f64
+        };
+        assert!((report.reward_mean - mean(&updated.discriminator)).abs() < 1e-4);
+        assert!((report.reward_mean - mean(&learner.discriminator)).abs() > 1e-2);
+        assert_eq!(updated.policy.filter(), learner.policy.filter());
+    }
+
+    #[test]
+    fn played_episodes_are_filtered_paired_and_shared_out_whole() {
+        let task = PointMass::new();
+        let playground = Playground::new(&task);
+        let set = planted_set(&[0.0, 180.0], Seed::new(1)).expect("a valid set");
+        let policy = untrained(&set).policy;
+        let seeds = Seed::new(3).many(50);
+        let trajectories = rollout::play(&playground, &policy, Acting::Sampled, EnvVariant(0), seeds)
+            .expect("the point mass plays");
+        let played = Played::new(&playground, &policy, &trajectories);
+        assert_eq!(played.lengths, [30; 50]);
+        let mut filtered = [0.0; 4];
+        policy.filter().apply(trajectories[7].observations().row(11), &mut filtered);
+        let pair = played.pairs.row(7 * 30 + 11);
+        assert_eq!(pair[..4], filtered);
+        for (paired, drawn) in pair[4..].iter().zip(trajectories[7].actions().row(11)) {
+            assert_eq!(*paired, drawn.clamp(-1.0, 1.0));
+        }
+        let advantages = vec![1.0; 1500];
+        let experiences = played.experiences(&policy, &advantages, 0.3);
+        assert!(experiences.len() > 1, "split for several threads");
+        assert_eq!(experiences.iter().map(|part| part.advantages.len()).sum::<usize>(), 1500);
+        assert!((experiences.iter().map(|part| part.weight).sum::<f64>() - 0.3).abs() < 1e-12);
+    }
+
+    /// Common random numbers: what is demonstrated twice is adapted to twice in the same way.
+    #[test]
+    fn algorithm_2_adaptation_depends_on_the_demonstration_and_the_seed_alone() {
+        let task = PointMass::new();
+        let playground = Playground::new(&task);
+        let set = planted_set(&[0.0, 180.0], Seed::new(1)).expect("a valid set");
+        let learner = untrained(&set);
+        let pairs = gail::demonstrated_pairs(set.get(DemoId(0)), learner.policy.filter());
+        let copy = pairs.clone();
+        let [one, other] = [&pairs, &copy].map(|pairs| {
+            adapt(&learner, &[pairs], &playground, EnvVariant(0), (&inner(), 2), &Seed::new(7))
+                .expect("finite numbers")
+        });
+        assert_eq!(one.learner, other.learner);
+        assert_eq!(one.curve, other.curve);
+    }
+}

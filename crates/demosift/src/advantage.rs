@@ -49,25 +49,43 @@ impl Rewarded<'_> {
     }
 }
 
-/// Advantages `[N]`, with mean 0 and standard deviation 1 over the batch.
+/// Advantages `[N]`, with mean 0 and standard deviation 1 over the batch; all 0 where the rewards say nothing.
 ///
 /// Episodes are finite-horizon (§3): nothing is expected after their last step, and the baseline knows the time.
 pub fn advantages(rewarded: Rewarded<'_>, estimation: &AdvantageEstimation) -> Result<Vec<f32>> {
+    let size = rewarded.rewards.iter().fold(0.0, |size: f32, reward| size.max(reward.abs()));
+    let rewards = beyond_the_mean(&rewarded, estimation.discount);
     let features = features(&rewarded);
     let returns: Vec<f32> = rewarded
         .episodes()
-        .flat_map(|episode| discounted_sums(&rewarded.rewards[episode], estimation.discount))
+        .flat_map(|episode| discounted_sums(&rewards[episode], estimation.discount))
         .collect();
     let weights = ridge(&features, &returns, RIDGE * returns.len() as f64)?;
     let values = predict(&features, &weights);
     let mut advantages: Vec<f32> = rewarded
         .episodes()
-        .flat_map(|episode| {
-            generalized_advantages(&rewarded.rewards[episode.clone()], &values[episode], estimation)
-        })
+        .flat_map(|episode| generalized_advantages(&rewards[episode.clone()], &values[episode], estimation))
         .collect();
-    standardize(&mut advantages);
+    standardize(&mut advantages, f64::from(size));
     Ok(advantages)
+}
+
+/// rₜ − r̄: what a step pays beyond the mean of the batch.
+///
+/// The baseline's cubic in time cannot follow the discounted sum of a constant, and what it leaves would pass for an
+/// advantage wherever rewards are nearly flat.
+/// An episode that ends before the longest forgoes γ r̄ + γ² r̄ + … of the steps that it lacks, as without this shift.
+fn beyond_the_mean(rewarded: &Rewarded<'_>, discount: f64) -> Vec<f32> {
+    let count = rewarded.rewards.len().max(1) as f64;
+    let mean = rewarded.rewards.iter().map(|reward| f64::from(*reward)).sum::<f64>() / count;
+    let longest = rewarded.lengths.iter().copied().max().unwrap_or(0);
+    let mut rewards: Vec<f32> =
+        rewarded.rewards.iter().map(|reward| (f64::from(*reward) - mean) as f32).collect();
+    for episode in rewarded.episodes().filter(|episode| !episode.is_empty()) {
+        let forgone = (episode.len()..longest).fold(0.0, |later, _| discount * (mean + later));
+        rewards[episode.end - 1] -= forgone as f32;
+    }
+    rewards
 }
 
 /// Rₜ = rₜ + γ Rₜ₊₁
@@ -120,12 +138,20 @@ fn predict(features: &Rows, weights: &[f64]) -> Vec<f64> {
     features.iter().map(value).collect()
 }
 
-/// A batch without spread, as when a discriminator's reward is flat, stays flat instead of becoming amplified noise.
-fn standardize(advantages: &mut [f32]) {
+/// Spreads below this share of the largest reward are rounding, not advantages.
+const SMALLEST_SPREAD: f64 = 1e-6;
+
+/// A batch without spread, as when a discriminator's reward is flat, becomes zero instead of amplified noise: the
+/// length of a natural gradient's step does not depend on that of the gradient.
+fn standardize(advantages: &mut [f32], reward_size: f64) {
     let count = advantages.len().max(1) as f64;
     let mean = advantages.iter().map(|value| f64::from(*value)).sum::<f64>() / count;
     let variance = advantages.iter().map(|value| (f64::from(*value) - mean).powi(2)).sum::<f64>() / count;
-    let scale = 1.0 / variance.sqrt().max(1e-8);
+    if variance.sqrt() <= SMALLEST_SPREAD * reward_size {
+        advantages.fill(0.0);
+        return;
+    }
+    let scale = 1.0 / variance.sqrt();
     for value in advantages {
         *value = ((f64::from(*value) - mean) * scale) as f32;
     }
@@ -173,5 +199,47 @@ mod tests {
         let best = (0..50).max_by(|a, b| found[*a].total_cmp(&found[*b]));
         assert_eq!(best, Some(20));
         assert!(found.iter().sum::<f32>().abs() < 1e-3);
+    }
+
+    fn noise(steps: usize) -> Rows {
+        let mut rng = crate::seed::Seed::new(3).into_rng();
+        let mut rows = Rows::with_capacity(3, steps);
+        for _ in 0..steps {
+            let mut row = [0.0; 3];
+            crate::nn::gaussian::sample(&[0.0; 3], &[0.0; 3], &mut rng, &mut row);
+            rows.push(&row);
+        }
+        rows
+    }
+
+    #[test]
+    fn a_reward_that_is_the_same_for_everything_teaches_nothing() {
+        let (observations, rewards) = (noise(400), [2.0f32.ln(); 400]);
+        let rewarded = Rewarded { observations: &observations, rewards: &rewards, lengths: &[100; 4] };
+        let found = advantages(rewarded, &AdvantageEstimation::default()).expect("finite numbers");
+        assert!(found.iter().all(|advantage| *advantage == 0.0), "{:?}", &found[..5]);
+    }
+
+    #[test]
+    fn a_constant_on_top_of_the_rewards_of_equal_episodes_changes_nothing() {
+        let observations = noise(400);
+        let found = |constant: f32| {
+            let rewards: Vec<f32> = observations.iter().map(|row| row[0] * row[1] + constant).collect();
+            let rewarded = Rewarded { observations: &observations, rewards: &rewards, lengths: &[100; 4] };
+            advantages(rewarded, &AdvantageEstimation::default()).expect("finite numbers")
+        };
+        for (without, with) in found(0.0).iter().zip(found(5.0)) {
+            assert!((without - with).abs() < 1e-3, "{without} and {with}");
+        }
+    }
+
+    #[test]
+    fn ending_early_costs_the_rewards_of_the_steps_that_lack() {
+        let (observations, rewards) = (noise(350), [1.0; 350]);
+        let rewarded =
+            Rewarded { observations: &observations, rewards: &rewards, lengths: &[100, 100, 50, 100] };
+        let found = advantages(rewarded, &AdvantageEstimation::default()).expect("finite numbers");
+        let worst = (0..350).min_by(|a, b| found[*a].total_cmp(&found[*b]));
+        assert_eq!(worst, Some(249), "the last step of the short episode");
     }
 }

@@ -21,6 +21,9 @@ use crate::select::{Ranking, Subset};
 /// Changes when a file of this version could no longer be read.
 const FORMAT_VERSION: u32 = 1;
 
+/// Under which key a safetensors file holds that version.
+const VERSION_KEY: &str = "demosift_format";
+
 /// A noun of the flow that a ledger can keep; `part` tells several of a kind apart.
 pub trait Artifact: Sized {
     /// Keeps the noun.
@@ -92,9 +95,18 @@ impl Artifact for Learner {
     fn recall(ledger: &dyn Ledger, _: &str) -> Result<Option<Self>> {
         let Some(bytes) = ledger.recall(PRIOR)? else { return Ok(None) };
         let tensors = Tensors::read(&bytes, PRIOR)?;
+        let policy = tensors.policy()?;
         let (network, parameters) = tensors.network("discriminator")?;
+        let wanted = (policy.filter().observation_size() + policy.action_size(), 1);
+        let found = (network.input_width(), network.output_width());
+        if found != wanted {
+            return Err(Error::bad_input(format!(
+                "{PRIOR}: the discriminator maps {} numbers to {}, and must map {} to {}",
+                found.0, found.1, wanted.0, wanted.1
+            )));
+        }
         let discriminator = Discriminator::from_parts(network, parameters);
-        Ok(Some(Self { policy: tensors.policy()?, discriminator }))
+        Ok(Some(Self { policy, discriminator }))
     }
 }
 
@@ -210,7 +222,7 @@ fn write_tensors(tensors: &[Tensor]) -> Vec<u8> {
         (tensor.name.clone(), view)
     });
     // One entry only: a map of several would be written in an order of its own each time.
-    let metadata = [("demosift_format".to_owned(), FORMAT_VERSION.to_string())].into();
+    let metadata = [(VERSION_KEY.to_owned(), FORMAT_VERSION.to_string())].into();
     safetensors::serialize(views, Some(metadata)).expect("names are unique and views are whole")
 }
 
@@ -223,6 +235,16 @@ impl<'a> Tensors<'a> {
     fn read(bytes: &'a [u8], name: &'a str) -> Result<Self> {
         let tensors = SafeTensors::deserialize(bytes)
             .map_err(|error| Error::bad_input(format!("{name} is not a safetensors file: {error}")))?;
+        let (_, header) = SafeTensors::read_metadata(bytes).expect("read just now");
+        let version = header.metadata().as_ref().and_then(|metadata| metadata.get(VERSION_KEY));
+        match version.map(|version| version.parse()) {
+            Some(Ok(version)) => check_version(version, name)?,
+            _ => {
+                return Err(Error::bad_input(format!(
+                    "{name} says no {VERSION_KEY} in its metadata, so it was not written by demosift"
+                )));
+            }
+        }
         Ok(Self { tensors, name })
     }
 
@@ -238,7 +260,14 @@ impl<'a> Tensors<'a> {
             )));
         }
         let (chunks, _) = view.data().as_chunks();
-        Ok((view.shape().to_vec(), chunks.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()))
+        let values: Vec<f32> = chunks.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+        if let Some(value) = values.iter().find(|value| !value.is_finite()) {
+            return Err(Error::bad_input(format!(
+                "{}: tensor '{tensor}' holds {value}, and must hold finite numbers",
+                self.name
+            )));
+        }
+        Ok((view.shape().to_vec(), values))
     }
 
     fn network(&self, prefix: &str) -> Result<(Mlp, Vec<f32>)> {
@@ -287,5 +316,154 @@ impl<'a> Tensors<'a> {
         let mean = vector("policy.observation_mean", network.input_width())?;
         let std = vector("policy.observation_std", network.input_width())?;
         Ok(Policy::from_parts(network, parameters, ObservationFilter::new(mean, std)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ledger::InMemory;
+    use crate::policy::PolicyShape;
+    use crate::seed::Seed;
+    use crate::select::Ranked;
+
+    fn learner() -> Learner {
+        let filter = ObservationFilter::new(vec![0.1, -2.0, 1e-7], vec![1.0, 0.3, 5.0]);
+        let shape = PolicyShape { hidden: vec![5, 4], initial_std: 0.37 };
+        Learner {
+            policy: Policy::untrained(&shape, filter, 2, Seed::new(1)),
+            discriminator: Discriminator::undecided(&[6], 5, Seed::new(2)),
+        }
+    }
+
+    fn bits(values: &[f32]) -> Vec<u32> {
+        values.iter().map(|value| value.to_bits()).collect()
+    }
+
+    fn recalled(bytes: &[u8]) -> Result<Option<Learner>> {
+        let mut ledger = InMemory::default();
+        ledger.keep(PRIOR, bytes)?;
+        Learner::recall(&ledger, "")
+    }
+
+    fn written(change: impl FnOnce(&mut Vec<Tensor>)) -> Vec<u8> {
+        let Learner { policy, discriminator } = learner();
+        let mut tensors = policy_tensors(&policy);
+        tensors.extend(network_tensors("discriminator", discriminator.network(), discriminator.parameters()));
+        change(&mut tensors);
+        write_tensors(&tensors)
+    }
+
+    #[test]
+    fn a_prior_comes_back_to_the_bit_and_its_bytes_are_the_same_each_time() {
+        let learner = learner();
+        let mut ledgers = [InMemory::default(), InMemory::default()];
+        for ledger in &mut ledgers {
+            learner.keep(ledger, "").expect("memory");
+        }
+        let bytes = ledgers.each_ref().map(|ledger| ledger.recall(PRIOR).expect("memory"));
+        assert_eq!(bytes[0], bytes[1]);
+        let back = Learner::recall(&ledgers[0], "").expect("readable").expect("kept");
+        assert_eq!(back, learner);
+        assert_eq!(bits(back.policy.parameters()), bits(learner.policy.parameters()));
+        assert_eq!(bits(back.policy.filter().mean()), bits(learner.policy.filter().mean()));
+        assert_eq!(bits(back.discriminator.parameters()), bits(learner.discriminator.parameters()));
+    }
+
+    #[test]
+    fn a_policy_comes_back_to_the_bit() {
+        let policy = learner().policy;
+        let bytes = write_policy(&policy);
+        assert_eq!(read_policy(&bytes, "policy").expect("readable"), policy);
+        assert_eq!(bytes, write_policy(&policy));
+    }
+
+    #[test]
+    fn a_file_cut_anywhere_is_an_error() {
+        let whole = written(|_| ());
+        assert!(recalled(&whole).expect("readable").is_some());
+        for length in (0..whole.len()).step_by(7) {
+            let error = recalled(&whole[..length]).expect_err("cut short");
+            assert!(error.is_bad_input() && error.to_string().contains(PRIOR), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_changed_byte_of_the_header_never_panics() {
+        let whole = written(|_| ());
+        for position in 0..whole.len().min(1500) {
+            for change in [1, 0x80] {
+                let mut bytes = whole.clone();
+                bytes[position] ^= change;
+                let _ = recalled(&bytes);
+            }
+        }
+    }
+
+    #[test]
+    fn tensors_that_do_not_fit_are_told_by_name() {
+        let complaint = |change: fn(&mut Vec<Tensor>)| {
+            let error = recalled(&written(change)).expect_err("does not fit");
+            assert!(error.is_bad_input());
+            error.to_string()
+        };
+        let missing = complaint(|tensors| tensors.retain(|tensor| tensor.name != "policy.log_std"));
+        assert!(missing.contains("has no tensor 'policy.log_std'; it has: "), "{missing}");
+        let shape = complaint(|tensors| tensors[2].shape.reverse());
+        assert!(shape.contains("policy.1.weight"), "{shape}");
+        let short = complaint(|tensors| {
+            let log_std = tensors.iter_mut().find(|tensor| tensor.name == "policy.log_std").expect("written");
+            (log_std.shape, log_std.values) = (vec![1], vec![0.0]);
+        });
+        assert!(short.contains("'policy.log_std' has 1 numbers, and must have 2"), "{short}");
+        let broken = complaint(|tensors| tensors[0].values[3] = f32::NAN);
+        assert!(broken.contains("'policy.0.weight' holds NaN"), "{broken}");
+        let unfit = complaint(|tensors| {
+            tensors.retain(|tensor| !tensor.name.starts_with("discriminator"));
+            let other = Discriminator::undecided(&[6], 9, Seed::new(2));
+            tensors.extend(network_tensors("discriminator", other.network(), other.parameters()));
+        });
+        assert!(unfit.contains("maps 9 numbers to 1, and must map 5 to 1"), "{unfit}");
+    }
+
+    #[test]
+    fn files_of_another_version_are_refused() {
+        let mut newer = written(|_| ());
+        let entry = b"\"demosift_format\":\"1\"";
+        let place = newer.windows(entry.len()).position(|window| window == entry).expect("written") + 19;
+        newer[place] = b'7';
+        let error = recalled(&newer).expect_err("newer");
+        assert_eq!(error.to_string(), format!("{PRIOR} has format version 7; this demosift reads version 1"));
+        newer[place - 18] = b'x';
+        assert!(recalled(&newer).expect_err("foreign").to_string().contains("not written by demosift"));
+
+        let mut checkpoint = write_checkpoint(&vec![1_u32, 2]);
+        assert_eq!(read_checkpoint::<Vec<u32>>(&checkpoint, "x").expect("readable"), [1, 2]);
+        assert!(read_checkpoint::<Vec<u32>>(&checkpoint[..3], "x").expect_err("short").is_bad_input());
+        assert!(read_checkpoint::<Vec<u32>>(&checkpoint[..5], "x").expect_err("short").hint().is_some());
+        checkpoint[0] = 9;
+        let error = read_checkpoint::<Vec<u32>>(&checkpoint, "x").expect_err("newer");
+        assert_eq!(error.to_string(), "x has format version 9; this demosift reads version 1");
+    }
+
+    #[test]
+    fn json_nouns_come_back_and_bad_ones_are_told() {
+        let ranking = Ranking {
+            entries: vec![Ranked {
+                demo: crate::demonstration::DemoId(3),
+                before: 0.1 + 0.2,
+                after: -1e-300,
+                score: f64::MAX,
+            }],
+        };
+        let mut ledger = InMemory::default();
+        assert_eq!(Ranking::recall(&ledger, "").expect("nothing is no error"), None);
+        ranking.keep(&mut ledger, "").expect("memory");
+        assert_eq!(Ranking::recall(&ledger, "").expect("readable"), Some(ranking));
+        for bad in ["", "{", "{\"version\": 1}", "{\"version\": 2, \"entries\": []}", "[1]"] {
+            ledger.keep("ranking.json", bad.as_bytes()).expect("memory");
+            let error = Ranking::recall(&ledger, "").expect_err("bad");
+            assert!(error.is_bad_input() && error.to_string().contains("ranking.json"), "{error}");
+        }
     }
 }

@@ -12,7 +12,7 @@ use crate::heuristic::Score;
 use crate::observation_filter::Moments;
 use crate::observer::{Event, Observer};
 use crate::policy::{Policy, PolicyShape};
-use crate::rollout::{self, Acting, Playground};
+use crate::rollout::{self, Acting, Playground, StateLog};
 use crate::seed::Seed;
 use crate::trajectory::Trajectory;
 use crate::trpo::{self, TrustRegion};
@@ -100,7 +100,7 @@ pub fn train(
     loop {
         let (trajectories, stage) = play_stage(playground, training, &state, seed)?;
         report(&stage, observer);
-        let last = state.updates == training.updates
+        let last = state.updates >= training.updates
             || stage.success.is_some_and(|success| success >= training.enough_success);
         if last || state.updates.is_multiple_of(training.snapshot_every.max(1)) {
             state.stages.push(stage);
@@ -144,6 +144,36 @@ pub fn choose_stages(stages: &[Stage], count: usize) -> Result<Vec<Stage>> {
         rest.drain(..=nearest);
     }
     Ok(chosen)
+}
+
+/// An episode that became a demonstration.
+#[derive(Clone, Debug)]
+pub struct Recorded {
+    /// What the demonstrator did.
+    pub trajectory: Trajectory,
+    /// The simulator's states behind it, where there is a simulator.
+    pub states: Option<StateLog>,
+}
+
+/// Episodes that a stage plays for a recording; odd, so that there is a median.
+const EPISODES_PER_RECORDING: usize = 15;
+
+/// The episode of median score among a few that a stage plays: neither its luckiest nor its worst.
+pub fn record(
+    playground: &Playground<'_>,
+    stage: &Stage,
+    variant: EnvVariant,
+    seed: &Seed,
+) -> Result<Recorded> {
+    let seeds = (0..EPISODES_PER_RECORDING).map(|episode| seed.at(episode)).collect();
+    let mut played = rollout::play(playground, &stage.policy, Acting::Sampled, variant, seeds)?;
+    let scores: Vec<Score> = played.iter().map(|trajectory| playground.score(trajectory)).collect();
+    let mut by_score: Vec<usize> = (0..played.len()).collect();
+    by_score.sort_by(|a, b| scores[*a].total_cmp(&scores[*b]));
+    let median = by_score[by_score.len() / 2];
+    let trajectory = played.swap_remove(median);
+    let states = rollout::state_log(playground, &trajectory, variant, &seed.at(median))?;
+    Ok(Recorded { trajectory, states })
 }
 
 /// An order of `count` demonstrations from which their stages cannot be read.
@@ -218,4 +248,66 @@ fn report(stage: &Stage, observer: &mut dyn Observer) {
             ("success", stage.success.unwrap_or(f64::NAN)),
         ],
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::observation_filter::ObservationFilter;
+
+    fn stages(scores: &[f64]) -> Vec<Stage> {
+        let shape = PolicyShape { hidden: vec![2], initial_std: 1.0 };
+        let policy = Policy::untrained(&shape, ObservationFilter::identity(1), 1, Seed::new(0));
+        let stage = |(updates, score): (usize, &f64)| Stage {
+            updates,
+            environment_steps: 0,
+            task_return: 0.0,
+            score: *score,
+            success: None,
+            policy: policy.clone(),
+        };
+        scores.iter().enumerate().map(stage).collect()
+    }
+
+    fn chosen(scores: &[f64], count: usize) -> Vec<f64> {
+        choose_stages(&stages(scores), count).expect("enough").iter().map(|stage| stage.score).collect()
+    }
+
+    #[test]
+    fn stages_span_the_training_evenly_from_the_worst_to_the_best() {
+        let scores: Vec<f64> = (0..=100).map(|value| f64::from(value) / 10.0).collect();
+        assert_eq!(chosen(&scores, 5), [0.0, 2.5, 5.0, 7.5, 10.0]);
+        // Training leaps: what is nearest to an even span is taken.
+        assert_eq!(chosen(&[9.0, 0.0, 10.0, 0.1, 4.0], 3), [0.0, 4.0, 10.0]);
+        assert_eq!(chosen(&[3.0, 1.0, 2.0], 3), [1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn no_stage_is_chosen_twice_even_where_scores_tie() {
+        for scores in [vec![1.0; 8], vec![0.0, 0.0, 0.0, 5.0, 5.0, 5.0, 5.0, 5.0], vec![0.0, 9.0, 9.0, 9.0]] {
+            for count in 1..=scores.len() {
+                let found = choose_stages(&stages(&scores), count).expect("enough");
+                let mut updates: Vec<usize> = found.iter().map(|stage| stage.updates).collect();
+                updates.sort_unstable();
+                updates.dedup();
+                assert_eq!(updates.len(), count, "{scores:?}");
+                assert!(found.is_sorted_by(|a, b| a.score <= b.score));
+            }
+        }
+    }
+
+    #[test]
+    fn too_few_stages_are_told_with_both_numbers() {
+        let error = choose_stages(&stages(&[1.0, 2.0]), 3).expect_err("too few");
+        assert!(error.is_bad_config());
+        assert!(error.to_string().contains("3 demonstrations") && error.to_string().contains("2 stages"));
+    }
+
+    #[test]
+    fn a_shuffled_order_holds_each_index_once() {
+        let mut order = shuffled_order(20, Seed::new(4));
+        assert_ne!(order, (0..20).collect::<Vec<_>>());
+        order.sort_unstable();
+        assert_eq!(order, (0..20).collect::<Vec<_>>());
+    }
 }

@@ -71,6 +71,20 @@ pub trait Environment: Send {
 
     /// Takes one control step with an action `[act]`, which is clipped to [−1, 1] here.
     fn step(&mut self, action: &[f32], observation: &mut [f32], measurements: &mut [f32]) -> StepOutcome;
+
+    /// The state as a simulator keeps it, for replays; `None` where there is no simulator.
+    fn simulator_state(&self) -> Option<SimulatorState<'_>> {
+        None
+    }
+}
+
+/// Generalized positions and velocities, in the simulator's own order and units.
+#[derive(Clone, Copy, Debug)]
+pub struct SimulatorState<'a> {
+    /// `[nq]`.
+    pub qpos: &'a [f64],
+    /// `[nv]`.
+    pub qvel: &'a [f64],
 }
 
 /// What a control step led to, apart from the observation.

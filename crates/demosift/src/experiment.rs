@@ -95,22 +95,7 @@ pub fn check(set: &DemonstrationSet, task: &Specification, config: &Config) -> R
             .with_hint("check that the set was recorded in this task"));
         }
     }
-    let counts = [
-        ("inner.trajectories", config.inner.trajectories),
-        ("inner.discriminator.steps", config.inner.discriminator.steps),
-        ("meta_train.meta_batch", config.meta_train.meta_batch),
-        ("judge.iterations", config.judge.iterations),
-        ("judge.evaluations", config.judge.evaluations),
-        ("judge.repeats", config.judge.repeats),
-        ("imitate.update.trajectories", config.imitate.update.trajectories),
-        ("imitate.update.discriminator.steps", config.imitate.update.discriminator.steps),
-        ("imitate.evaluations", config.imitate.evaluations),
-    ];
-    for (name, count) in counts {
-        if count == 0 {
-            return Err(Error::bad_config(format!("{name} = 0, and must be at least 1")));
-        }
-    }
+    check_numbers(config)?;
     if config.keep > set.len() {
         return Err(Error::bad_config(format!(
             "keep = {}, and must be from 1 to the {} demonstrations there are",
@@ -119,6 +104,54 @@ pub fn check(set: &DemonstrationSet, task: &Specification, config: &Config) -> R
         )));
     }
     Ok(())
+}
+
+/// Whether each number of the configuration means something by itself.
+fn check_numbers(config: &Config) -> Result<()> {
+    let Config { policy, inner, meta_train, judge, imitate, .. } = config;
+    let updates = [("inner", inner), ("imitate.update", &imitate.update)];
+    let mut counts = vec![
+        ("meta_train.meta_batch".to_owned(), meta_train.meta_batch),
+        ("judge.iterations".to_owned(), judge.iterations),
+        ("judge.evaluations".to_owned(), judge.evaluations),
+        ("judge.repeats".to_owned(), judge.repeats),
+        ("imitate.evaluations".to_owned(), imitate.evaluations),
+    ];
+    let mut numbers = vec![
+        ("policy.initial_std".to_owned(), policy.initial_std),
+        ("meta_train.trust_region.max_kl".to_owned(), meta_train.trust_region.max_kl),
+        ("meta_train.discriminator_learning_rate".to_owned(), meta_train.discriminator_learning_rate),
+    ];
+    for (name, update) in updates {
+        counts.extend([
+            (format!("{name}.trajectories"), update.trajectories),
+            (format!("{name}.discriminator.steps"), update.discriminator.steps),
+            (format!("{name}.discriminator.batch"), update.discriminator.batch),
+            (format!("the number of {name}.alphas"), update.alphas.len()),
+        ]);
+        numbers.extend([
+            (format!("{name}.trust_region.max_kl"), update.trust_region.max_kl),
+            (format!("{name}.discriminator.learning_rate"), update.discriminator.learning_rate),
+        ]);
+        numbers.extend(update.alphas.iter().map(|alpha| (format!("one of {name}.alphas"), *alpha)));
+    }
+    let widths = [
+        ("policy.hidden", &policy.hidden),
+        ("meta_train.discriminator_hidden", &meta_train.discriminator_hidden),
+        ("imitate.discriminator_hidden", &imitate.discriminator_hidden),
+    ];
+    for (name, widths) in widths {
+        counts.extend(widths.iter().map(|width| (format!("one of {name}"), *width)));
+    }
+    if let Some((name, _)) = counts.iter().find(|(_, count)| *count == 0) {
+        return Err(Error::bad_config(format!("{name} = 0, and must be at least 1")));
+    }
+    match numbers.iter().find(|(_, number)| !(number.is_finite() && *number > 0.0)) {
+        Some((name, number)) => {
+            Err(Error::bad_config(format!("{name} = {number}, and must be a number above 0")))
+        }
+        None => Ok(()),
+    }
 }
 
 /// DemonstrationSet → MetaPrior.
@@ -193,10 +226,13 @@ fn learning_curve_with(
     let imitation = &config.imitate;
     let start = || {
         let hidden = &imitation.discriminator_hidden;
-        Ok(ImitationState::start(set, &config.policy, hidden, &seed.of("start")))
+        Ok(ImitationState::start((set, demos), &config.policy, hidden, &seed.of("start")))
     };
-    let (state, mut keeping) = Keeping::begin(*ledger, *observer, imitate::STAGE, part, start)?;
-    let curve = imitate::imitate((set, demos), playground, imitation, state, seed, (part, &mut keeping))?;
+    let (mut state, mut keeping) = Keeping::begin(*ledger, *observer, imitate::STAGE, part, start)?;
+    if state.demos() != demos {
+        state = start()?;
+    }
+    let curve = imitate::imitate(set, playground, imitation, state, seed, (part, &mut keeping))?;
     keeping.finish(part, &curve)?;
     Ok(curve)
 }
@@ -244,5 +280,71 @@ impl Observer for Keeping<'_> {
             self.failed.get_or_insert(error);
         }
         self.observer.on(event);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::environment::Task as _;
+    use crate::point_mass::{PointMass, planted_set};
+    use crate::preset::Preset;
+
+    fn complaint(change: impl FnOnce(&mut Config)) -> String {
+        let set = planted_set(&[0.0, 90.0, 180.0], Seed::new(1)).expect("a valid set");
+        let mut config = Preset::Quick.config();
+        change(&mut config);
+        let error = check(&set, PointMass::new().specification(), &config).expect_err("a mistake");
+        assert!(error.is_bad_config(), "{error}");
+        error.to_string()
+    }
+
+    #[test]
+    fn every_preset_passes_the_check() {
+        let set = planted_set(&[0.0, 90.0, 180.0], Seed::new(1)).expect("a valid set");
+        for (_, preset) in Preset::ALL {
+            check(&set, PointMass::new().specification(), &preset.config()).expect("a preset is right");
+        }
+    }
+
+    #[test]
+    fn a_wrong_number_is_told_with_its_name_and_what_would_be_right() {
+        let zero = |name: &str| format!("{name} = 0, and must be at least 1");
+        assert_eq!(complaint(|config| config.inner.trajectories = 0), zero("inner.trajectories"));
+        assert_eq!(
+            complaint(|config| config.inner.discriminator.batch = 0),
+            zero("inner.discriminator.batch")
+        );
+        assert_eq!(complaint(|config| config.judge.repeats = 0), zero("judge.repeats"));
+        assert_eq!(complaint(|config| config.policy.hidden[1] = 0), zero("one of policy.hidden"));
+        assert_eq!(
+            complaint(|config| config.imitate.update.alphas.clear()),
+            zero("the number of imitate.update.alphas")
+        );
+        assert_eq!(
+            complaint(|config| config.policy.initial_std = -1.0),
+            "policy.initial_std = -1, and must be a number above 0"
+        );
+        assert_eq!(
+            complaint(|config| config.inner.trust_region.max_kl = f64::NAN),
+            "inner.trust_region.max_kl = NaN, and must be a number above 0"
+        );
+        assert_eq!(
+            complaint(|config| config.keep = 4),
+            "keep = 4, and must be from 1 to the 3 demonstrations there are"
+        );
+    }
+
+    #[test]
+    fn a_set_of_another_task_is_told_with_both_sizes() {
+        let set = planted_set(&[0.0, 90.0], Seed::new(1)).expect("a valid set");
+        let mut task = PointMass::new().specification().clone();
+        task.observation_size = 7;
+        let error = check(&set, &task, &Preset::Quick.config()).expect_err("a mistake");
+        assert!(error.is_bad_input());
+        assert_eq!(
+            error.to_string(),
+            "the demonstrations have 4 numbers in an observation, but the task 'point_mass' has 7"
+        );
     }
 }

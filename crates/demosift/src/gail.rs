@@ -313,6 +313,7 @@ fn chunk_loss_and_gradient(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::nn::check::gradient_error;
     use crate::nn::gaussian;
 
     fn cloud(center: f32, seed: u64) -> Rows {
@@ -353,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn rewards_are_minus_the_logarithm_of_the_sigmoid() {
+    fn imitation_reward_is_minus_the_logarithm_of_d() {
         let (fitted, agent, _) = fitted();
         let logits = fitted.logits_generated(&agent);
         for (reward, logit) in imitation_rewards(&fitted, &agent).iter().zip(logits) {
@@ -368,26 +369,22 @@ mod tests {
         let (fitted, ..) = fitted();
         let entropy = 0.1;
         let (_, gradient) = loss_and_gradient(&fitted, &[&agent], &[&demonstration], entropy);
-        let objective = |parameters: Vec<f32>| {
-            let moved = fitted.with_parameters(parameters);
-            let (report, _) = loss_and_gradient(&moved, &[&agent], &[&demonstration], 0.0);
-            let unsure = |rows: &Rows| {
-                let logits = moved.logits_generated(rows);
-                let entropies = logits.iter().map(|logit| {
-                    let p = 1.0 / (1.0 + (-f64::from(*logit)).exp());
-                    -(p * p.ln() + (1.0 - p) * (1.0 - p).ln())
-                });
-                entropies.sum::<f64>() / logits.len() as f64
-            };
-            report.loss - entropy * (unsure(&agent) + unsure(&demonstration))
+        let double = |values: &[f32]| values.iter().map(|value| f64::from(*value)).collect::<Vec<_>>();
+        let mean_loss = |parameters: &[f64], rows: &Rows, label: f64| {
+            let mut tape = Tape::default();
+            let logits = fitted.network().forward(parameters, &double(rows.flat()), &mut tape);
+            let losses = logits.iter().map(|logit| {
+                let d = 1.0 / (1.0 + (-logit).exp());
+                let unsure = -d * d.ln() - (1.0 - d) * (1.0 - d).ln();
+                -label * d.ln() - (1.0 - label) * (1.0 - d).ln() - entropy * unsure
+            });
+            losses.sum::<f64>() / rows.len() as f64
         };
-        let length = gradient.iter().map(|g| f64::from(g * g)).sum::<f64>().sqrt();
-        let moved = |by: f64| {
-            let step = |(p, g): (&f32, &f32)| p + (by / length) as f32 * g;
-            objective(fitted.parameters().iter().zip(&gradient).map(step).collect())
+        let loss = |parameters: &[f64]| {
+            mean_loss(parameters, &agent, 1.0) + mean_loss(parameters, &demonstration, 0.0)
         };
-        let slope = (moved(1e-2) - moved(-1e-2)) / 2e-2;
-        assert!((slope / length - 1.0).abs() < 1e-2, "slope {slope}, gradient {length}");
+        let error = gradient_error(loss, &double(fitted.parameters()), &double(&gradient));
+        assert!(error < 1e-5, "error {error}");
     }
 
     #[test]
@@ -396,6 +393,58 @@ mod tests {
         let beyond = pairs(&observations, &Rows::from_flat(vec![3.0], 1).expect("one row"));
         let at = pairs(&observations, &Rows::from_flat(vec![1.0], 1).expect("one row"));
         assert_eq!(beyond, at);
+    }
+
+    #[test]
+    fn table_3_discriminator_has_two_layers_of_a_hundred_and_one_logit() {
+        let pair_size = 55 + 21;
+        let discriminator = Discriminator::undecided(&[100, 100], pair_size, Seed::new(0));
+        let weights = pair_size * 100 + 100 * 100 + 100;
+        assert_eq!(discriminator.parameters().len(), weights + 100 + 100 + 1);
+        assert_eq!(discriminator.logits_generated(&Rows::with_capacity(pair_size, 0)).len(), 0);
+    }
+
+    /// Where a pair is told for certain, the loss softplus(−z) − c·H is least at z·σ(z) = 1/c.
+    #[test]
+    fn the_entropy_bounds_the_logit_near_its_inverse_weight() {
+        let (agent, demonstration) = (
+            Rows::from_flat(vec![1.0, 0.5, 1.0], 3).expect("one row"),
+            Rows::from_flat(vec![-1.0, 0.5, -1.0], 3).expect("one row"),
+        );
+        let start = Discriminator::undecided(&[16], 3, Seed::new(0));
+        for entropy in [0.2, 0.5] {
+            let fitting = Fitting { learning_rate: 0.01, steps: 2000, batch: 1, entropy };
+            let mut adam = Adam::new(start.parameters().len());
+            let (fitted, _) =
+                fit(&start, &[&agent], &[&demonstration], &fitting, &mut adam, Seed::new(5)).expect("finite");
+            for (rows, sign) in [(&agent, 1.0), (&demonstration, -1.0)] {
+                let logit = sign * f64::from(fitted.logits_generated(rows)[0]);
+                let bound = logit / (1.0 + (-logit).exp());
+                assert!((bound * entropy - 1.0).abs() < 0.02, "logit {logit} at c = {entropy}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_draw_takes_every_row_of_every_table() {
+        let tables =
+            [vec![0.0, 1.0], vec![2.0], vec![3.0, 4.0]].map(|v| Rows::from_flat(v, 1).expect("whole rows"));
+        let drawn = draw(&tables.each_ref(), true, 500, &mut Seed::new(1).into_rng());
+        assert_eq!(drawn.rows.len(), 5);
+        for (value, count) in drawn.rows.flat().iter().zip(&drawn.counts) {
+            assert!((60.0..140.0).contains(count), "{value} was drawn {count} of 500 times");
+        }
+    }
+
+    #[test]
+    fn a_loss_that_is_no_number_is_divergence() {
+        let start = Discriminator::undecided(&[4], 3, Seed::new(0));
+        let broken = start.with_parameters(vec![f32::NAN; start.parameters().len()]);
+        let fitting = Fitting { learning_rate: 0.01, steps: 1, batch: 10, entropy: 0.0 };
+        let mut adam = Adam::new(start.parameters().len());
+        let rows = cloud(0.0, 1);
+        let fitted = fit(&broken, &[&rows], &[&rows], &fitting, &mut adam, Seed::new(5));
+        assert!(fitted.expect_err("diverged").is_diverged());
     }
 
     #[test]

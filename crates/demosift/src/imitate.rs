@@ -66,6 +66,7 @@ pub struct CurvePoint {
 /// Where an imitation stands; from here it goes on to the identical result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ImitationState {
+    demos: Vec<DemoId>,
     updates: usize,
     environment_steps: usize,
     learner: Learner,
@@ -78,10 +79,16 @@ pub struct ImitationState {
 pub const STAGE: &str = "imitate";
 
 impl ImitationState {
-    /// A learner that knows nothing.
-    pub fn start(set: &DemonstrationSet, shape: &PolicyShape, hidden: &[usize], seed: &Seed) -> Self {
+    /// A learner that knows nothing and is to imitate `demos`.
+    pub fn start(
+        (set, demos): (&DemonstrationSet, &[DemoId]),
+        shape: &PolicyShape,
+        hidden: &[usize],
+        seed: &Seed,
+    ) -> Self {
         let learner = Learner::untrained(set, shape, hidden, seed);
         Self {
+            demos: demos.to_vec(),
             updates: 0,
             environment_steps: 0,
             adam: Adam::new(learner.discriminator.parameters().len()),
@@ -90,17 +97,23 @@ impl ImitationState {
             learner,
         }
     }
+
+    /// What is imitated.
+    pub fn demos(&self) -> &[DemoId] {
+        &self.demos
+    }
 }
 
-/// Imitates the demonstrations `demos` of a set from scratch; `part` names this imitation among others in events.
+/// Imitates the demonstrations that `state` is about from scratch; `part` names this imitation among others in events.
 pub fn imitate(
-    (set, demos): (&DemonstrationSet, &[DemoId]),
+    set: &DemonstrationSet,
     playground: &Playground<'_>,
     imitation: &Imitation,
     mut state: ImitationState,
     seed: &Seed,
     (part, observer): (&str, &mut dyn Observer),
 ) -> Result<LearningCurve> {
+    let demos = state.demos.clone();
     if demos.is_empty() {
         return Err(Error::bad_input("nothing to imitate: the subset is empty"));
     }
@@ -123,7 +136,7 @@ pub fn imitate(
     }
     evaluate(&mut state, playground, imitation, (seed, part, observer))?;
     let outcome = point(&state, &state.best, playground, imitation, &seed.of("outcome"))?;
-    Ok(LearningCurve { demos: demos.to_vec(), points: state.points, outcome, best: state.best })
+    Ok(LearningCurve { demos, points: state.points, outcome, best: state.best })
 }
 
 /// Plays and makes one update; variants take turns.

@@ -106,7 +106,11 @@ pub fn judge(
     observer.on(Event::Started { stage: STAGE, done: table.suitabilities.len(), total: targets.len() });
     for (variant, demo) in targets.iter().skip(table.suitabilities.len()) {
         let judge = Judge { playground, judging, inner, variant: *variant, seed: seed.at(variant.0) };
-        let before = judge.evaluate(&prior.policy)?;
+        // The meta-parameters are the same for all demonstrations under a variant, and so is their score.
+        let before = match table.suitabilities.last() {
+            Some(last) if last.variant == *variant => last.before.clone(),
+            _ => judge.evaluate(&prior.policy)?,
+        };
         let suitability = judge
             .judge_one(prior, (*demo, &demonstrated[demo.0]), before)
             .map_err(|error| error.during(&format!("judging demonstration {demo}")))?;

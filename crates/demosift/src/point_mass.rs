@@ -128,10 +128,10 @@ impl Environment for Point {
 
     fn step(&mut self, action: &[f32], observation: &mut [f32], measurements: &mut [f32]) -> StepOutcome {
         let before = self.goal_distance();
-        for axis in 0..2 {
-            let force = action[axis].clamp(-1.0, 1.0) * FORCE_M_PER_S2;
-            self.velocity[axis] += (force - FRICTION_PER_SEC * self.velocity[axis]) * CONTROL_STEP_SECS;
-            self.position[axis] += self.velocity[axis] * CONTROL_STEP_SECS;
+        for ((position, velocity), action) in self.position.iter_mut().zip(&mut self.velocity).zip(action) {
+            let force = action.clamp(-1.0, 1.0) * FORCE_M_PER_S2;
+            *velocity += (force - FRICTION_PER_SEC * *velocity) * CONTROL_STEP_SECS;
+            *position += *velocity * CONTROL_STEP_SECS;
         }
         self.look(observation, measurements);
         StepOutcome { task_reward: before - self.goal_distance(), terminated: false }

@@ -132,3 +132,40 @@ impl<'p> Player<'p> {
         gaussian::sample(mean, self.policy.log_std(), rng, action);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn table_3_policy_has_two_layers_of_thirty_two_and_a_free_spread() {
+        let shape = PolicyShape { hidden: vec![32, 32], initial_std: 0.5 };
+        let policy = Policy::untrained(&shape, ObservationFilter::identity(55), 21, Seed::new(0));
+        let weights = 55 * 32 + 32 * 32 + 32 * 21;
+        assert_eq!(policy.network_parameters().len(), weights + 32 + 32 + 21);
+        assert_eq!(policy.log_std(), [0.5f32.ln(); 21]);
+        assert_eq!(policy.parameters().len(), policy.network_parameters().len() + 21);
+    }
+
+    /// By hand: mean = w₂ tanh(w₁ (o − m)/s + b₁) + b₂.
+    #[test]
+    fn a_player_filters_what_it_sees_and_takes_the_mean() {
+        let filter = ObservationFilter::new(vec![1.0], vec![2.0]);
+        let parameters = vec![0.7, 0.1, 1.5, -0.2, 0.3f32.ln()];
+        let policy = Policy::from_parts(Mlp::new(&[1, 1, 1]), parameters, filter);
+        let mut action = [0.0];
+        Player::new(&policy).mean(&[4.0], &mut action);
+        let wanted = 1.5 * (0.7 * 1.5 + 0.1f64).tanh() - 0.2;
+        assert!((f64::from(action[0]) - wanted).abs() < 1e-5, "{action:?}, wanted {wanted}");
+        let mut rng = Seed::new(1).into_rng();
+        let mut player = Player::new(&policy);
+        let drawn: Vec<f64> = (0..2000)
+            .map(|_| {
+                player.sample(&[4.0], &mut rng, &mut action);
+                f64::from(action[0]) - wanted
+            })
+            .collect();
+        let std = (drawn.iter().map(|value| value * value).sum::<f64>() / 2000.0).sqrt();
+        assert!((std - 0.3).abs() < 0.02, "standard deviation {std}");
+    }
+}

@@ -102,6 +102,39 @@ fn play_episode(
     Ok(trajectory)
 }
 
+/// The simulator's states of an episode, one row for each of its T actions.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StateLog {
+    /// Generalized positions, `[T, nq]` flat.
+    pub qpos: Vec<f64>,
+    /// Generalized velocities, `[T, nv]` flat.
+    pub qvel: Vec<f64>,
+}
+
+/// The states from which an episode's actions were taken, found by playing them again from the episode's seed.
+///
+/// `None` where the environment has no simulator.
+pub fn state_log(
+    playground: &Playground<'_>,
+    trajectory: &Trajectory,
+    variant: EnvVariant,
+    seed: &Seed,
+) -> Result<Option<StateLog>> {
+    let mut environment = playground.borrow()?;
+    let mut observation = vec![0.0; playground.specification().observation_size];
+    let mut measurements = vec![0.0; playground.specification().measurements.len()];
+    let mut log = StateLog::default();
+    environment.reset(variant, seed.of("reset"), &mut observation, &mut measurements);
+    for action in trajectory.actions().iter() {
+        let Some(state) = environment.simulator_state() else { return Ok(None) };
+        log.qpos.extend_from_slice(state.qpos);
+        log.qvel.extend_from_slice(state.qvel);
+        environment.step(action, &mut observation, &mut measurements);
+    }
+    playground.give_back(environment);
+    Ok(Some(log))
+}
+
 /// One episode in an environment of one's own; the reset draws from the seed's part `reset`, the actions from `act`.
 pub fn play_in(
     environment: &mut dyn Environment,

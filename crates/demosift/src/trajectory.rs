@@ -58,6 +58,9 @@ impl Trajectory {
                 )));
             }
         }
+        if let Some(step) = task_rewards.iter().position(|reward| !reward.is_finite()) {
+            return Err(Error::diverged(format!("the task reward at step {step} is not a finite number")));
+        }
         Ok(Self { observations, actions, measurements, task_rewards, terminated })
     }
 
@@ -89,5 +92,48 @@ impl Trajectory {
     /// Whether the last state was terminal.
     pub fn terminated(&self) -> bool {
         self.terminated
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parts() -> Parts {
+        let rows = |len: usize, width| Rows::from_flat(vec![0.5; len * width], width).expect("whole rows");
+        Parts {
+            observations: rows(4, 2),
+            actions: rows(3, 1),
+            measurements: rows(4, 3),
+            task_rewards: vec![0.0; 3],
+            terminated: false,
+        }
+    }
+
+    #[test]
+    fn three_actions_need_four_observations() {
+        assert_eq!(Trajectory::new(parts()).expect("whole").steps(), 3);
+        let short = Parts { observations: parts().observations.head(3), ..parts() };
+        let error = Trajectory::new(short).expect_err("one lacks");
+        assert_eq!(error.to_string(), "a trajectory of 3 actions needs 4 observations, got 3");
+        let none = Parts { actions: Rows::with_capacity(1, 0), ..parts() };
+        assert!(Trajectory::new(none).expect_err("no action").is_bad_input());
+    }
+
+    #[test]
+    fn what_is_no_number_is_divergence_wherever_it_stands() {
+        let broken = |change: fn(&mut Parts)| {
+            let mut parts = parts();
+            change(&mut parts);
+            let error = Trajectory::new(parts).expect_err("not a number");
+            assert!(error.is_diverged());
+            error.to_string()
+        };
+        let observation = broken(|parts| parts.observations.flat_mut()[5] = f32::NAN);
+        assert_eq!(observation, "observation 1 at step 2 is not a finite number");
+        broken(|parts| parts.actions.flat_mut()[0] = f32::INFINITY);
+        broken(|parts| parts.measurements.flat_mut()[11] = f32::NAN);
+        let reward = broken(|parts| parts.task_rewards[1] = f32::NAN);
+        assert_eq!(reward, "the task reward at step 1 is not a finite number");
     }
 }

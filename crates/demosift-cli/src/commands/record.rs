@@ -2,16 +2,15 @@
 
 use std::path::Path;
 
-use demosift::demonstration::d4rl::{self, Episode};
-use demosift::demonstrator::{self, DemonstratorState, DemonstratorTraining, Stage};
+use demosift::demonstration::d4rl::{self, Episode, States};
+use demosift::demonstrator::{self, DemonstratorState, DemonstratorTraining, Recorded, Stage};
 use demosift::environment::EnvVariant;
 use demosift::experiment::Keeping;
 use demosift::heuristic::Score;
 use demosift::ledger::Ledger as _;
-use demosift::rollout::{self, Acting, Playground};
+use demosift::rollout::Playground;
 use demosift::rows::Rows;
 use demosift::seed::Seed;
-use demosift::trajectory::Trajectory;
 use demosift::{Error, Result, artifact};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -139,7 +138,7 @@ fn record(
     stages: &[Stage],
     count: usize,
     seed: &Seed,
-) -> Result<(Vec<Trajectory>, Vec<Origin>)> {
+) -> Result<(Vec<Recorded>, Vec<Origin>)> {
     let chosen = demonstrator::choose_stages(stages, count)?;
     let order = demonstrator::shuffled_order(count, seed.of("order"));
     let variants = playground.specification().variants.len();
@@ -147,9 +146,9 @@ fn record(
     let mut origins = Vec::with_capacity(count);
     for (demonstration, &stage) in order.iter().enumerate() {
         let (stage, variant) = (&chosen[stage], demonstration % variants);
-        let seeds = vec![seed.of("record").at(demonstration)];
-        let played =
-            rollout::play(playground, &stage.policy, Acting::Sampled, EnvVariant(variant), seeds)?.remove(0);
+        let seed = seed.of("record").at(demonstration);
+        let recorded = demonstrator::record(playground, stage, EnvVariant(variant), &seed)?;
+        let played = &recorded.trajectory;
         origins.push(Origin {
             demonstration,
             variant,
@@ -157,27 +156,29 @@ fn record(
             stage_return: stage.task_return,
             stage_score: stage.score,
             stage_success: stage.success,
-            score: playground.score(&played),
+            score: playground.score(played),
             succeeded: playground.task().succeeded(played.measurements()),
             steps: played.steps(),
         });
-        episodes.push(played);
+        episodes.push(recorded);
     }
     Ok((episodes, origins))
 }
 
-fn write(path: &Path, played: &[Trajectory]) -> Result<()> {
+fn write(path: &Path, recorded: &[Recorded]) -> Result<()> {
     // The last observation has no action, and the layout has no place for it.
-    let observations: Vec<Rows> =
-        played.iter().map(|episode| episode.observations().head(episode.steps())).collect();
-    let episodes: Vec<Episode<'_>> = played
+    let observations: Vec<Rows> = recorded
+        .iter()
+        .map(|Recorded { trajectory, .. }| trajectory.observations().head(trajectory.steps()))
+        .collect();
+    let episodes: Vec<Episode<'_>> = recorded
         .iter()
         .zip(&observations)
-        .map(|(episode, observations)| Episode {
+        .map(|(Recorded { trajectory, states }, observations)| Episode {
             observations,
-            actions: episode.actions(),
-            states: None,
-            terminated: episode.terminated(),
+            actions: trajectory.actions(),
+            states: states.as_ref().map(|log| States { qpos: &log.qpos, qvel: &log.qvel }),
+            terminated: trajectory.terminated(),
         })
         .collect();
     d4rl::write(path, &episodes)

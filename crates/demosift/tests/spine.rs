@@ -1,0 +1,373 @@
+//! The whole flow on the point mass: good demonstrations come first, whatever the order, the threads and the kills.
+#![allow(clippy::unwrap_used)]
+
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+
+use demosift::adapt::{InnerUpdate, MetaPrior};
+use demosift::demonstration::{DemoId, DemonstrationSet};
+use demosift::demonstrator::{self, DemonstratorState, DemonstratorTraining, Stage};
+use demosift::environment::{EnvVariant, Task};
+use demosift::experiment::{self, Config, Keeping, Run, Sifted};
+use demosift::imitate::Imitation;
+use demosift::judge::Judging;
+use demosift::ledger::{InMemory, Ledger};
+use demosift::meta_train::MetaTraining;
+use demosift::observer::{Event, Observer, Silent};
+use demosift::point_mass::{PointMass, planted_set};
+use demosift::policy::PolicyShape;
+use demosift::preset::Preset;
+use demosift::rollout::Playground;
+use demosift::seed::Seed;
+use demosift::select;
+use demosift::trpo::TrustRegion;
+
+/// Small enough for a test, large enough to rank.
+fn small(seed: u64) -> Config {
+    let quick = Preset::Quick.config();
+    let fitting = demosift::gail::Fitting { learning_rate: 0.01, steps: 20, batch: 100, entropy: 0.3 };
+    Config {
+        seed,
+        keep: 2,
+        policy: PolicyShape { hidden: vec![16, 16], initial_std: 0.5 },
+        inner: InnerUpdate { trajectories: 8, discriminator: fitting.clone(), ..quick.inner },
+        meta_train: MetaTraining {
+            rounds: 10,
+            discriminator_hidden: vec![32, 32],
+            checkpoint_every: 3,
+            ..quick.meta_train
+        },
+        judge: Judging { iterations: 6, evaluations: 10, repeats: 2, ..quick.judge },
+        imitate: Imitation {
+            environment_steps: 6000,
+            update: InnerUpdate { trajectories: 20, discriminator: fitting, ..quick.imitate.update },
+            discriminator_hidden: vec![32, 32],
+            evaluate_every: 4,
+            evaluations: 10,
+            checkpoint_every: 3,
+            ..quick.imitate
+        },
+    }
+}
+
+/// The parts of the flow that make scores.
+fn scores(set: &DemonstrationSet, task: &dyn Task, config: &Config) -> demosift::judge::ScoreTable {
+    let run = &mut Run {
+        set,
+        playground: &Playground::new(task),
+        config,
+        ledger: &mut InMemory::default(),
+        observer: &mut Silent,
+    };
+    let prior = experiment::prior(run).unwrap();
+    experiment::scores(run, &prior).unwrap()
+}
+
+fn order(ranking: &select::Ranking) -> Vec<usize> {
+    ranking.entries.iter().map(|entry| entry.demo.0).collect()
+}
+
+#[test]
+fn planted_good_demonstrations_come_first() {
+    // Degrees away from the goal; the good ones stand among the bad ones.
+    let bearings = [180.0, 10.0, 120.0, -15.0, -130.0];
+    for seed in 0..4 {
+        let set = planted_set(&bearings, Seed::new(50 + seed)).unwrap();
+        let found = order(&select::rank(&scores(&set, &PointMass::new(), &small(seed))));
+        let mut first = found[..2].to_vec();
+        first.sort_unstable();
+        assert_eq!(first, [1, 3], "seed {seed}: {found:?}");
+    }
+}
+
+fn permuted(set: &DemonstrationSet, permutation: &[usize]) -> DemonstrationSet {
+    let demonstrations = permutation.iter().map(|id| set.get(DemoId(*id)).clone()).collect();
+    DemonstrationSet::new(demonstrations).unwrap()
+}
+
+/// Judging is the same to the bit, wherever a demonstration stands.
+#[test]
+fn scores_do_not_depend_on_the_order_of_the_demonstrations() {
+    let set = planted_set(&[0.0, 55.0, 110.0, 180.0], Seed::new(1)).unwrap();
+    let (task, config) = (PointMass::new(), small(1));
+    let run = |set: &DemonstrationSet, prior: Option<&MetaPrior>| {
+        let playground = &Playground::new(&task);
+        let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
+        let mut run = Run { set, playground, config: &config, ledger, observer };
+        let prior = prior.cloned().unwrap_or_else(|| experiment::prior(&mut run).unwrap());
+        let table = experiment::scores(&mut run, &prior).unwrap();
+        (prior, table)
+    };
+    let (prior, table) = run(&set, None);
+    let ranked = order(&select::rank(&table));
+    for permutation in [[3, 1, 0, 2], [2, 3, 1, 0]] {
+        let (_, again) = run(&permuted(&set, &permutation), Some(&prior));
+        for (place, id) in permutation.iter().enumerate() {
+            let (there, here) = (&again.suitabilities[place], &table.suitabilities[*id]);
+            assert_eq!((&there.before, &there.after), (&here.before, &here.after));
+            assert_eq!(there.curves, here.curves);
+        }
+        let mapped: Vec<usize> = order(&select::rank(&again)).iter().map(|id| permutation[*id]).collect();
+        assert_eq!(mapped, ranked);
+    }
+}
+
+/// Meta-training sums over the demonstrations in their order, so another order rounds otherwise and close ranks may
+/// trade places; the good ones come first all the same.
+#[test]
+fn the_good_ones_come_first_in_any_order() {
+    let set = planted_set(&[5.0, -20.0, 130.0, 180.0], Seed::new(1)).unwrap();
+    for permutation in [[0, 1, 2, 3], [3, 1, 0, 2], [2, 3, 1, 0]] {
+        let table = scores(&permuted(&set, &permutation), &PointMass::new(), &small(1));
+        let mapped: Vec<usize> = order(&select::rank(&table)).iter().map(|id| permutation[*id]).collect();
+        assert!(mapped[..2].iter().all(|id| *id < 2), "{mapped:?}");
+    }
+}
+
+#[test]
+fn eq_9_each_goal_prefers_the_demonstration_that_goes_there() {
+    let set = planted_set(&[0.0, 90.0, 180.0, 270.0], Seed::new(3)).unwrap();
+    let table = scores(&set, &PointMass::with_goals(4), &small(2));
+    assert_eq!(table.suitabilities.len(), 16);
+    for variant in 0..4 {
+        let ranking = select::rank_under(&table, EnvVariant(variant));
+        assert_eq!(ranking.entries[0].demo, DemoId(variant), "{:?}", order(&ranking));
+        let score = |demo| ranking.entries.iter().find(|entry| entry.demo == DemoId(demo)).unwrap().score;
+        assert!(score(variant) > score((variant + 2) % 4) + 0.5, "{ranking:?}");
+    }
+}
+
+#[test]
+fn eq_8_all_demonstrations_are_compared_with_the_same_episodes_before() {
+    let set = planted_set(&[0.0, 90.0, 180.0], Seed::new(3)).unwrap();
+    let mut config = small(2);
+    (config.meta_train.rounds, config.judge.iterations) = (1, 1);
+    let table = scores(&set, &PointMass::with_goals(2), &config);
+    for suitability in &table.suitabilities {
+        let first = &table.suitabilities[3 * suitability.variant.0];
+        assert_eq!(suitability.before, first.before);
+        assert_eq!((suitability.after.len(), suitability.after[0].len()), (2, 10));
+        let mean = |scores: &[f64]| scores.iter().sum::<f64>() / scores.len() as f64;
+        let gain = mean(&suitability.after.concat()) - mean(&suitability.before);
+        assert!((suitability.score() - gain).abs() < 1e-12);
+    }
+    assert_ne!(table.suitabilities[0].before, table.suitabilities[3].before, "another goal");
+}
+
+/// Under Algorithm 2 a demonstration that stands twice in a set gets the same score twice.
+#[test]
+fn algorithm_2_what_is_demonstrated_twice_scores_the_same_twice() {
+    let planted = planted_set(&[0.0, 180.0], Seed::new(3)).unwrap();
+    let twice = [0, 1, 0].map(|id| planted.get(DemoId(id)).clone());
+    let set = DemonstrationSet::new(twice.to_vec()).unwrap();
+    let mut config = small(2);
+    (config.meta_train.rounds, config.judge.iterations) = (2, 2);
+    let table = scores(&set, &PointMass::new(), &config);
+    let [one, other] = [0, 2].map(|id| &table.suitabilities[id]);
+    assert_eq!((&one.after, &one.curves), (&other.after, &other.curves));
+    assert_ne!(one.after, table.suitabilities[1].after);
+}
+
+#[test]
+fn algorithm_1_meta_training_makes_one_update_go_further() {
+    let set = planted_set(&[0.0, 90.0, 180.0, 270.0], Seed::new(3)).unwrap();
+    let mut config = small(2);
+    config.judge.iterations = 1;
+    // How far apart one update leads: the spread of the scores over the demonstrations.
+    let spread = |rounds| {
+        let mut config = config.clone();
+        config.meta_train.rounds = rounds;
+        let ranking = select::rank(&scores(&set, &PointMass::new(), &config));
+        ranking.entries[0].score - ranking.entries[3].score
+    };
+    let (without, with) = (spread(0), spread(25));
+    assert!(with > without, "{without} without meta-training, {with} with it");
+}
+
+/// Kills the process, as far as a test can, at a checkpoint.
+struct KilledAt {
+    checkpoints_left: usize,
+}
+
+impl Observer for KilledAt {
+    fn on(&mut self, event: Event<'_>) {
+        if matches!(event, Event::Checkpoint { .. }) {
+            self.checkpoints_left -= 1;
+            if self.checkpoints_left == 0 {
+                resume_unwind(Box::new("killed"));
+            }
+        }
+    }
+}
+
+/// Counts the checkpoints of a whole run.
+#[derive(Default)]
+struct Count(usize);
+
+impl Observer for Count {
+    fn on(&mut self, event: Event<'_>) {
+        self.0 += usize::from(matches!(event, Event::Checkpoint { .. }));
+    }
+}
+
+fn brief(seed: u64) -> Config {
+    let mut config = small(seed);
+    config.meta_train.rounds = 5;
+    config.meta_train.checkpoint_every = 2;
+    (config.judge.iterations, config.judge.repeats) = (2, 1);
+    config.imitate.environment_steps = 3000;
+    config.imitate.checkpoint_every = 2;
+    config
+}
+
+fn sift(config: &Config, ledger: &mut InMemory, observer: &mut dyn Observer) -> Sifted {
+    let set = planted_set(&[0.0, 120.0, 180.0], Seed::new(9)).unwrap();
+    let task = PointMass::new();
+    let playground = &Playground::new(&task);
+    experiment::sift(&mut Run { set: &set, playground, config, ledger, observer }).unwrap()
+}
+
+const NOUNS: [&str; 8] = [
+    "prior.safetensors",
+    "scores.json",
+    "ranking.json",
+    "subset.json",
+    "policy_subset.safetensors",
+    "learning_curve_subset.json",
+    "policy_all.safetensors",
+    "learning_curve_all.json",
+];
+
+fn nouns(ledger: &InMemory) -> Vec<Vec<u8>> {
+    NOUNS.iter().map(|name| ledger.recall(name).unwrap().expect(name)).collect()
+}
+
+#[test]
+fn one_thread_makes_what_four_threads_make() {
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut ledger = InMemory::default();
+            sift(&brief(4), &mut ledger, &mut Silent);
+            nouns(&ledger)
+        })
+    };
+    assert_eq!(on(1), on(4));
+}
+
+#[test]
+fn a_run_killed_at_any_checkpoint_goes_on_to_the_same_bytes() {
+    let config = brief(4);
+    let (mut whole, mut count) = (InMemory::default(), Count::default());
+    let sifted = sift(&config, &mut whole, &mut count);
+    assert!(count.0 >= 7, "meta-training, judging and both imitations have checkpoints: {}", count.0);
+    for kill in 1..=count.0 {
+        let mut ledger = InMemory::default();
+        let mut killed = KilledAt { checkpoints_left: kill };
+        catch_unwind(AssertUnwindSafe(|| sift(&config, &mut ledger, &mut killed))).expect_err("killed");
+        assert_eq!(sift(&config, &mut ledger, &mut Silent), sifted, "killed at checkpoint {kill}");
+        assert_eq!(nouns(&ledger), nouns(&whole), "killed at checkpoint {kill}");
+    }
+}
+
+#[test]
+fn nothing_is_made_twice_and_no_checkpoint_is_left() {
+    let mut ledger = InMemory::default();
+    let sifted = sift(&brief(4), &mut ledger, &mut Silent);
+    assert!(!format!("{ledger:?}").contains("checkpoint"));
+    let mut again = Count::default();
+    assert_eq!(sift(&brief(4), &mut ledger, &mut again), sifted);
+    assert_eq!(again.0, 0, "everything was recalled");
+}
+
+#[test]
+fn a_checkpoint_of_other_demonstrations_is_not_gone_on_with() {
+    let set = planted_set(&[0.0, 120.0, 180.0], Seed::new(9)).unwrap();
+    let (task, config) = (PointMass::new(), brief(4));
+    let curve = |ledger: &mut InMemory, observer: &mut dyn Observer, demo: usize| {
+        let playground = &Playground::new(&task);
+        let run = &mut Run { set: &set, playground, config: &config, ledger, observer };
+        experiment::learning_curve(run, "x", &[DemoId(demo)]).unwrap()
+    };
+    let fresh = curve(&mut InMemory::default(), &mut Silent, 2);
+    let mut ledger = InMemory::default();
+    let mut killed = KilledAt { checkpoints_left: 1 };
+    catch_unwind(AssertUnwindSafe(|| curve(&mut ledger, &mut killed, 0))).expect_err("killed");
+    assert_eq!(curve(&mut ledger, &mut Silent, 2), fresh);
+}
+
+#[test]
+fn imitating_the_good_demonstration_alone_beats_imitating_a_bad_one() {
+    let set = planted_set(&[0.0, 180.0], Seed::new(9)).unwrap();
+    let (task, config) = (PointMass::new(), small(4));
+    let mut outcomes = [0, 1].map(|demo| {
+        let playground = &Playground::new(&task);
+        let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
+        let run = &mut Run { set: &set, playground, config: &config, ledger, observer };
+        experiment::oracle(run, DemoId(demo), 0).unwrap()
+    });
+    let [good, bad] = &mut outcomes;
+    assert!(good.outcome.score > bad.outcome.score + 0.3, "{:?} and {:?}", good.outcome, bad.outcome);
+    // The curve starts at nothing learned, ends at the budget, and its best point is the policy that is kept.
+    assert_eq!(good.points[0].environment_steps, 0);
+    assert_eq!(good.points.last().unwrap().environment_steps, 6000);
+    assert_eq!(good.demos, [DemoId(0)]);
+    let best = good.points.iter().map(|point| point.score).fold(f64::NEG_INFINITY, f64::max);
+    assert!(best > good.points[0].score + 0.3);
+}
+
+fn training() -> DemonstratorTraining {
+    DemonstratorTraining {
+        updates: 40,
+        trajectories: 20,
+        policy: PolicyShape { hidden: vec![16, 16], initial_std: 0.5 },
+        trust_region: TrustRegion { max_kl: 0.05, ..TrustRegion::default() },
+        advantage: Default::default(),
+        enough_success: 0.95,
+        snapshot_every: 2,
+        filter_updates: 5,
+        checkpoint_every: 3,
+    }
+}
+
+fn train(ledger: &mut InMemory, observer: &mut dyn Observer, goals: usize) -> Vec<Stage> {
+    let (task, training, seed) = (PointMass::with_goals(goals), training(), Seed::new(6));
+    let playground = Playground::new(&task);
+    let start = || DemonstratorState::start(&playground, &training, &seed);
+    let (state, mut keeping) = Keeping::begin(ledger, observer, demonstrator::STAGE, "", start).unwrap();
+    demonstrator::train(&playground, &training, state, &seed, &mut keeping).unwrap()
+}
+
+#[test]
+fn a_demonstrator_learns_the_task_from_its_reward() {
+    let stages = train(&mut InMemory::default(), &mut Silent, 1);
+    let (first, last) = (&stages[0], stages.last().unwrap());
+    assert_eq!(first.updates, 0);
+    assert!(first.success.unwrap() < 0.2, "{:?}", first.success);
+    assert!(last.success.unwrap() >= 0.95, "{:?}", last.success);
+    assert!(last.score > first.score + 0.5 && last.task_return > first.task_return + 0.5);
+    assert_eq!(last.environment_steps, last.updates * 20 * 30);
+    let chosen = demonstrator::choose_stages(&stages, 3).unwrap();
+    assert!(chosen[0].score < chosen[1].score && chosen[1].score < chosen[2].score);
+}
+
+#[test]
+fn a_demonstrator_killed_at_a_checkpoint_goes_on_to_the_same_stages() {
+    let whole = train(&mut InMemory::default(), &mut Silent, 1);
+    for kill in [1, 2] {
+        let mut ledger = InMemory::default();
+        let mut killed = KilledAt { checkpoints_left: kill };
+        catch_unwind(AssertUnwindSafe(|| train(&mut ledger, &mut killed, 1))).expect_err("killed");
+        assert_eq!(train(&mut ledger, &mut Silent, 1), whole);
+    }
+}
+
+/// Table 3 and A.2.1, from which the paper's preset takes its values.
+#[test]
+fn table_3_is_what_the_presets_build() {
+    for (_, preset) in Preset::ALL {
+        let config = preset.config();
+        assert_eq!(config.policy.hidden, [32, 32]);
+        assert_eq!(config.meta_train.discriminator_hidden, [100, 100]);
+        assert_eq!(config.imitate.discriminator_hidden, [100, 100]);
+    }
+}
