@@ -35,7 +35,7 @@ impl Preset {
             policy: PolicyShape { hidden: vec![32, 32], initial_std: 0.5 },
             inner: InnerUpdate { alphas: self.alphas(), ..update(20, 0.15) },
             meta_train: MetaTraining {
-                rounds: self.by(25, 60, 2000),
+                rounds: self.by(25, 40, 2000),
                 meta_batch: 10,
                 trust_region: TrustRegion { max_kl: 0.03, ..TrustRegion::default() },
                 discriminator_learning_rate: 1e-3,
@@ -43,14 +43,14 @@ impl Preset {
                 checkpoint_every: 10,
             },
             judge: Judging {
-                iterations: self.by(20, 40, 10),
+                iterations: self.by(20, 30, 10),
                 averaged: self.by(5, 10, 1),
                 evaluations: self.by(10, 20, 50),
                 repeats: self.by(1, 2, 4),
                 acting: Acting::Sampled,
             },
             imitate: Imitation {
-                environment_steps: self.by(250_000, 600_000, 5_000_000),
+                environment_steps: self.by(250_000, 400_000, 5_000_000),
                 update: update(10, 0.03),
                 discriminator_hidden: vec![100, 100],
                 evaluate_every: 10,
