@@ -33,7 +33,7 @@ pub struct Imitation {
     pub evaluate_every: usize,
     /// Episodes of an evaluation.
     pub evaluations: usize,
-    /// How the policy acts when it is evaluated.
+    /// How the policy acts when it is evaluated; not in the paper, and the mean is how a policy is used.
     pub acting: Acting,
     /// Updates between two checkpoints.
     pub checkpoint_every: usize,

@@ -40,7 +40,8 @@ pub struct Judging {
     pub evaluations: usize,
     /// Adaptations per demonstration and variant, each with its own random numbers; not in the paper.
     pub repeats: usize,
-    /// How the policy acts when it is evaluated; not in the paper.
+    /// How the policy acts when it is evaluated; sampling is what Algorithm 2 says, and shows what the mean action hides:
+    /// an agent that imitates a noisy demonstration becomes as noisy.
     pub acting: Acting,
 }
 

@@ -55,7 +55,7 @@ impl Preset {
                 discriminator_hidden: vec![100, 100],
                 evaluate_every: 10,
                 evaluations: 20,
-                acting: Acting::Sampled,
+                acting: Acting::Mean,
                 checkpoint_every: 10,
             },
         }
