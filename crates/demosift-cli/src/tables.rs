@@ -180,24 +180,30 @@ fn verdict(
     from_all: &LearningCurve,
     unit: &str,
 ) -> String {
-    let (subset, all) = (from_subset.outcome.score, from_all.outcome.score);
-    let scale = Scale::of([subset, all], unit);
+    let (subset, all) = (from_subset.outcome, from_all.outcome);
+    let better = subset.score - all.score;
+    let noise = 2.0 * subset.standard_error.hypot(all.standard_error);
+    let scale = Scale::of([subset.score, all.score], unit);
     if from_subset.demos.len() == set.len() {
         "All demonstrations were kept, so there is nothing to compare.".to_owned()
-    } else if subset > all {
+    } else if better.abs() <= noise {
+        format!(
+            "Selecting made no difference that these episodes can show: the policy from the kept demonstrations scores {} {unit}, give or take {}.",
+            scale.signed(better),
+            scale.with_unit(noise)
+        )
+    } else if better > 0.0 {
         format!(
             "Selecting helped: the policy from the kept demonstrations is better by {}. \
              That is one training run each; another --seed shows how sure it is.",
-            scale.with_unit(subset - all)
+            scale.with_unit(better)
         )
-    } else if subset < all {
+    } else {
         format!(
             "Selecting did NOT help: the policy from the kept demonstrations is worse by {}. \
              Use the whole set, or try another --keep, --seed or a larger --preset.",
-            scale.with_unit(all - subset)
+            scale.with_unit(-better)
         )
-    } else {
-        "Selecting did NOT help: both policies are equally good.".to_owned()
     }
 }
 

@@ -59,6 +59,8 @@ pub struct CurvePoint {
     pub environment_steps: usize,
     /// Mean heuristic.
     pub score: Score,
+    /// Standard error of that mean over the evaluation's episodes; what another training would change comes on top.
+    pub standard_error: f64,
     /// Share of episodes that reached the goal, where the task says.
     pub success: Option<f64>,
 }
@@ -222,10 +224,14 @@ fn point(
         let seeds = seed.at(variant.0).many(imitation.evaluations);
         trajectories.extend(rollout::play(playground, policy, imitation.acting, variant, seeds)?);
     }
-    let scores = trajectories.iter().map(|played| playground.score(played)).sum::<f64>();
+    let scores: Vec<Score> = trajectories.iter().map(|played| playground.score(played)).collect();
+    let count = scores.len() as f64;
+    let score = scores.iter().sum::<f64>() / count;
+    let squared_deviation = scores.iter().map(|other| (other - score).powi(2)).sum::<f64>();
     Ok(CurvePoint {
         environment_steps: state.environment_steps,
-        score: scores / trajectories.len() as f64,
+        score,
+        standard_error: (squared_deviation / (count - 1.0).max(1.0) / count).sqrt(),
         success: playground.success_rate(&trajectories),
     })
 }
