@@ -218,11 +218,11 @@ mod tests {
 
     #[test]
     fn the_first_difference_has_both_values() {
-        let (old, mut new) = (plain(Preset::Quick), plain(Preset::Quick));
+        let (mut old, mut new) = (plain(Preset::Quick), plain(Preset::Quick));
         assert_eq!(first_difference(&old, &new), None);
+        apply(&mut old, &Layer::from_assignment("judge.repeats=3").unwrap()).unwrap();
         apply(&mut new, &Layer::from_assignment("judge.repeats=5").unwrap()).unwrap();
-        let repeats = Preset::Quick.config().judge.repeats;
-        let wanted = ("judge.repeats".to_owned(), repeats.to_string(), "5".to_owned());
+        let wanted = ("judge.repeats".to_owned(), "3".to_owned(), "5".to_owned());
         assert_eq!(first_difference(&old, &new), Some(wanted));
     }
 }

@@ -57,7 +57,7 @@ impl Job {
         let values = configuration::of_job(values);
         let config: Config = configuration::typed(values.clone())?;
         experiment::check(&set, plan.chosen.task.specification(), &config)
-            .map_err(|error| error.at(&path))?;
+            .map_err(|error| if error.is_bad_input() { error.at(&path) } else { error })?;
         let folder = plan.open_folder(Some(data), &values)?;
         let progress = Progress::new(MetricsFile::open(folder.path())?);
         Ok(Self { set, task: plan.chosen.task, config, folder, progress })

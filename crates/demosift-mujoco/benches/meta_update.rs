@@ -31,7 +31,7 @@ const SHARE_GOAL: f64 = 0.75;
 const STEPS_PER_SEC_GOAL: f64 = 21_750.0;
 /// Updates of an imitation that are measured; the median is printed.
 const UPDATES: usize = 3;
-/// Task, how many demonstrations its set has, and meta-updates that are measured: one of HalfCheetah takes 220,000 steps.
+/// Task, how many demonstrations its set has, and meta-updates that are measured: one of HalfCheetah takes 22,000 steps.
 const SETS: [(&str, usize, usize); 2] = [("half_cheetah", 10, 1), ("free_throw", 8, 5)];
 
 fn main() {

@@ -26,7 +26,7 @@ impl Default for AdvantageEstimation {
     }
 }
 
-/// Ridge of the baseline's least squares (FACTS of rllab: 1e-5), per sample.
+/// Ridge of the baseline's least squares (rllab's: 1e-5), per sample.
 const RIDGE: f64 = 1e-5;
 
 /// Episodes, one after the other, as the estimator sees them.

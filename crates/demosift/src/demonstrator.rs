@@ -131,7 +131,9 @@ pub fn choose_stages(stages: &[Stage], count: usize) -> Result<Vec<Stage>> {
             "{count} demonstrations at stages of their own are wanted, but the training was kept at {} stages only",
             stages.len()
         ))
-        .with_hint("lower demonstrator.snapshot_every or raise demonstrator.updates"));
+        .with_hint(
+            "training ends early once it succeeds often enough: lower demonstrator.snapshot_every, or raise demonstrator.updates or demonstrator.enough_success",
+        ));
     }
     let mut rest: Vec<&Stage> = stages.iter().collect();
     rest.sort_by(|a, b| a.score.total_cmp(&b.score));

@@ -6,8 +6,10 @@
 use serde::{Deserialize, Serialize};
 
 use crate::adapt::{InnerUpdate, MetaPrior};
+use crate::advantage::AdvantageEstimation;
 use crate::artifact::{self, Artifact};
 use crate::demonstration::{DemoId, DemonstrationSet};
+use crate::demonstrator::DemonstratorTraining;
 use crate::environment::Specification;
 use crate::error::{Error, Result};
 use crate::imitate::{self, Imitation, ImitationState, LearningCurve};
@@ -19,6 +21,7 @@ use crate::policy::PolicyShape;
 use crate::rollout::Playground;
 use crate::seed::Seed;
 use crate::select::{self, Ranking, Subset};
+use crate::trpo::TrustRegion;
 
 /// Everything that a run depends on, besides the demonstrations and the task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -109,49 +112,126 @@ pub fn check(set: &DemonstrationSet, task: &Specification, config: &Config) -> R
 /// Whether each number of the configuration means something by itself.
 fn check_numbers(config: &Config) -> Result<()> {
     let Config { policy, inner, meta_train, judge, imitate, .. } = config;
-    let updates = [("inner", inner), ("imitate.update", &imitate.update)];
-    let mut counts = vec![
-        ("meta_train.meta_batch".to_owned(), meta_train.meta_batch),
-        ("judge.iterations".to_owned(), judge.iterations),
-        ("judge.averaged".to_owned(), judge.averaged),
-        ("judge.evaluations".to_owned(), judge.evaluations),
-        ("judge.repeats".to_owned(), judge.repeats),
-        ("imitate.evaluations".to_owned(), imitate.evaluations),
-    ];
-    let mut numbers = vec![
-        ("policy.initial_std".to_owned(), policy.initial_std),
-        ("meta_train.trust_region.max_kl".to_owned(), meta_train.trust_region.max_kl),
-        ("meta_train.discriminator_learning_rate".to_owned(), meta_train.discriminator_learning_rate),
-    ];
-    for (name, update) in updates {
-        counts.extend([
-            (format!("{name}.batch_steps"), update.batch_steps),
-            (format!("{name}.discriminator.steps"), update.discriminator.steps),
-            (format!("{name}.discriminator.batch"), update.discriminator.batch),
-            (format!("the number of {name}.alphas"), update.alphas.len()),
-        ]);
-        numbers.extend([
-            (format!("{name}.trust_region.max_kl"), update.trust_region.max_kl),
-            (format!("{name}.discriminator.learning_rate"), update.discriminator.learning_rate),
-        ]);
-        numbers.extend(update.alphas.iter().map(|alpha| (format!("one of {name}.alphas"), *alpha)));
+    let mut numbers = Numbers::default();
+    numbers.policy("policy", policy);
+    numbers.update("inner", inner);
+    numbers.count("meta_train.meta_batch", meta_train.meta_batch);
+    numbers.trust_region("meta_train.trust_region", &meta_train.trust_region);
+    numbers.number(
+        "meta_train.discriminator_learning_rate",
+        meta_train.discriminator_learning_rate,
+        Wanted::Positive,
+    );
+    numbers.widths("meta_train.discriminator_hidden", &meta_train.discriminator_hidden);
+    numbers.count("judge.iterations", judge.iterations);
+    numbers.count("judge.averaged", judge.averaged);
+    numbers.count("judge.evaluations", judge.evaluations);
+    numbers.count("judge.repeats", judge.repeats);
+    numbers.count("imitate.evaluations", imitate.evaluations);
+    numbers.update("imitate.update", &imitate.update);
+    numbers.widths("imitate.discriminator_hidden", &imitate.discriminator_hidden);
+    numbers.check()
+}
+
+/// Whether each number of a demonstrator's training means something by itself; the error says what would.
+pub fn check_demonstrator(training: &DemonstratorTraining) -> Result<()> {
+    let mut numbers = Numbers::default();
+    numbers.count("demonstrator.batch_steps", training.batch_steps);
+    numbers.policy("demonstrator.policy", &training.policy);
+    numbers.trust_region("demonstrator.trust_region", &training.trust_region);
+    numbers.advantage("demonstrator.advantage", &training.advantage);
+    numbers.check()
+}
+
+/// Numbers of a configuration by name, each with what it must be.
+#[derive(Default)]
+struct Numbers {
+    counts: Vec<(String, usize)>,
+    numbers: Vec<(String, f64, Wanted)>,
+}
+
+/// What a number of a configuration must be.
+#[derive(Clone, Copy)]
+enum Wanted {
+    Positive,
+    NotNegative,
+    Share,
+}
+
+impl Numbers {
+    fn count(&mut self, name: &str, count: usize) {
+        self.counts.push((name.to_owned(), count));
     }
-    let widths = [
-        ("policy.hidden", &policy.hidden),
-        ("meta_train.discriminator_hidden", &meta_train.discriminator_hidden),
-        ("imitate.discriminator_hidden", &imitate.discriminator_hidden),
-    ];
-    for (name, widths) in widths {
-        counts.extend(widths.iter().map(|width| (format!("one of {name}"), *width)));
+
+    fn number(&mut self, name: &str, number: f64, wanted: Wanted) {
+        self.numbers.push((name.to_owned(), number, wanted));
     }
-    if let Some((name, _)) = counts.iter().find(|(_, count)| *count == 0) {
-        return Err(Error::bad_config(format!("{name} = 0, and must be at least 1")));
+
+    fn widths(&mut self, name: &str, widths: &[usize]) {
+        widths.iter().for_each(|width| self.count(&format!("one of {name}"), *width));
     }
-    match numbers.iter().find(|(_, number)| !(number.is_finite() && *number > 0.0)) {
-        Some((name, number)) => {
-            Err(Error::bad_config(format!("{name} = {number}, and must be a number above 0")))
+
+    fn policy(&mut self, name: &str, shape: &PolicyShape) {
+        self.widths(&format!("{name}.hidden"), &shape.hidden);
+        self.number(&format!("{name}.initial_std"), shape.initial_std, Wanted::Positive);
+    }
+
+    fn trust_region(&mut self, name: &str, region: &TrustRegion) {
+        self.count(&format!("{name}.conjugate_gradient_iterations"), region.conjugate_gradient_iterations);
+        self.number(&format!("{name}.max_kl"), region.max_kl, Wanted::Positive);
+        self.number(&format!("{name}.damping"), region.damping, Wanted::NotNegative);
+        self.number(&format!("{name}.accept_ratio"), region.accept_ratio, Wanted::Share);
+    }
+
+    fn advantage(&mut self, name: &str, estimation: &AdvantageEstimation) {
+        self.number(&format!("{name}.discount"), estimation.discount, Wanted::Share);
+        self.number(&format!("{name}.lambda"), estimation.lambda, Wanted::Share);
+    }
+
+    fn update(&mut self, name: &str, update: &InnerUpdate) {
+        let InnerUpdate { batch_steps, alphas, trust_region, discriminator, advantage } = update;
+        self.count(&format!("{name}.batch_steps"), *batch_steps);
+        self.count(&format!("the number of {name}.alphas"), alphas.len());
+        for alpha in alphas {
+            self.number(&format!("one of {name}.alphas"), *alpha, Wanted::Positive);
         }
-        None => Ok(()),
+        self.trust_region(&format!("{name}.trust_region"), trust_region);
+        self.count(&format!("{name}.discriminator.steps"), discriminator.steps);
+        self.count(&format!("{name}.discriminator.batch"), discriminator.batch);
+        let rate = discriminator.learning_rate;
+        self.number(&format!("{name}.discriminator.learning_rate"), rate, Wanted::Positive);
+        self.number(&format!("{name}.discriminator.entropy"), discriminator.entropy, Wanted::NotNegative);
+        self.advantage(&format!("{name}.advantage"), advantage);
+    }
+
+    fn check(&self) -> Result<()> {
+        if let Some((name, _)) = self.counts.iter().find(|(_, count)| *count == 0) {
+            return Err(Error::bad_config(format!("{name} = 0, and must be at least 1")));
+        }
+        match self.numbers.iter().find(|(_, number, wanted)| !wanted.holds(*number)) {
+            Some((name, number, wanted)) => {
+                Err(Error::bad_config(format!("{name} = {number}, and must be {}", wanted.in_words())))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+impl Wanted {
+    fn holds(self, number: f64) -> bool {
+        match self {
+            Self::Positive => number.is_finite() && number > 0.0,
+            Self::NotNegative => number.is_finite() && number >= 0.0,
+            Self::Share => (0.0..=1.0).contains(&number),
+        }
+    }
+
+    fn in_words(self) -> &'static str {
+        match self {
+            Self::Positive => "a number above 0",
+            Self::NotNegative => "a number of at least 0",
+            Self::Share => "a number from 0 to 1",
+        }
     }
 }
 
@@ -329,6 +409,14 @@ mod tests {
         assert_eq!(
             complaint(|config| config.inner.trust_region.max_kl = f64::NAN),
             "inner.trust_region.max_kl = NaN, and must be a number above 0"
+        );
+        assert_eq!(
+            complaint(|config| config.imitate.update.advantage.discount = 7.0),
+            "imitate.update.advantage.discount = 7, and must be a number from 0 to 1"
+        );
+        assert_eq!(
+            complaint(|config| config.inner.discriminator.entropy = -0.1),
+            "inner.discriminator.entropy = -0.1, and must be a number of at least 0"
         );
         assert_eq!(
             complaint(|config| config.keep = 4),

@@ -18,6 +18,8 @@
 //! let set = planted_set(&[180.0, 5.0, 120.0, -10.0, -150.0, 90.0], Seed::new(1))?;
 //! let mut config = Preset::Quick.config();
 //! (config.meta_train.rounds, config.imitate.environment_steps) = (8, 10_000);
+//! config.inner.alphas = vec![1.0, 0.5]; // the paper's schedule: half steps after the first
+//! config.imitate.update.discriminator.learning_rate = 0.01; // 10,000 steps are few
 //!
 //! let task = PointMass::new();
 //! let sifted = sift(&mut Run {

@@ -29,7 +29,12 @@ fn small(seed: u64) -> Config {
         seed,
         keep: 2,
         policy: PolicyShape { hidden: vec![16, 16], initial_std: 0.5 },
-        inner: InnerUpdate { batch_steps: 240, discriminator: fitting.clone(), ..quick.inner },
+        inner: InnerUpdate {
+            batch_steps: 240,
+            alphas: vec![1.0, 0.5],
+            discriminator: fitting.clone(),
+            ..quick.inner
+        },
         meta_train: MetaTraining {
             rounds: 10,
             discriminator_hidden: vec![32, 32],

@@ -5,7 +5,7 @@ use std::path::Path;
 use demosift::demonstration::d4rl::{self, Episode, States};
 use demosift::demonstrator::{self, DemonstratorState, DemonstratorTraining, Recorded, Stage};
 use demosift::environment::EnvVariant;
-use demosift::experiment::Keeping;
+use demosift::experiment::{self, Keeping};
 use demosift::heuristic::Score;
 use demosift::ledger::Ledger as _;
 use demosift::rollout::Playground;
@@ -67,6 +67,7 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<()> {
     let plan = Plan::of(&arguments.run)?;
     let mut values = configuration::of_recording(plan.values.clone());
     let recording: Recording = configuration::typed(values.clone())?;
+    experiment::check_demonstrator(&recording.demonstrator)?;
     // Kept with the configuration, so that a folder of another count is told apart.
     let count = count(arguments, &plan)?;
     values.insert("count".to_owned(), toml::Value::Integer(count as i64));
