@@ -110,7 +110,9 @@ impl Plan {
         };
         let begun = run_folder::look_into(&out, arguments.resume)?;
         let name = arguments.task.as_deref().or(begun.as_ref().map(|begun| begun.identity.task.as_str()));
-        let chosen = task::choose(name.ok_or_else(task::missing)?)?;
+        let chosen = task::choose(name.ok_or_else(|| {
+            if arguments.resume { run_folder::nothing_to_resume(&out) } else { task::missing() }
+        })?)?;
         let mut values = match (&begun, arguments.preset) {
             (Some(begun), None) => begun.configuration.clone(),
             (_, preset) => {

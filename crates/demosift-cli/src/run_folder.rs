@@ -45,6 +45,13 @@ pub(crate) struct Begun {
     pub(crate) configuration: Table,
 }
 
+/// `--resume` names a folder without a run, and nothing else says what should begin there.
+pub(crate) fn nothing_to_resume(folder: &Path) -> Error {
+    Error::bad_input("no run to resume, and no task to begin one with, in the run folder")
+        .at(folder)
+        .with_hint("check --out, or add --task NAME to begin a run there")
+}
+
 /// The run that a folder holds, if it holds one.
 ///
 /// Without `resume` a folder that holds anything is an error.

@@ -201,7 +201,7 @@ fn verdict(
     } else {
         format!(
             "Selecting did NOT help: the policy from the kept demonstrations is worse by {}. \
-             Use the whole set, or try another --keep, --seed or a larger --preset.",
+             Use the whole set, choose others by `demosift imitate --resume --demonstration-ids`, or try another --seed or a larger --preset.",
             scale.with_unit(-better)
         )
     }

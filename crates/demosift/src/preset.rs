@@ -61,7 +61,8 @@ impl Preset {
         }
     }
 
-    /// A.2.1 halves α after the first iteration. Full steps throughout tell demonstrations apart in fewer iterations.
+    /// A.2.1 halves α after the first iteration. On Free Throw and HalfCheetah full steps throughout tell demonstrations apart
+    /// in fewer iterations; on the point mass they swing past what is demonstrated, so its own values halve α.
     fn alphas(self) -> Vec<f64> {
         match self {
             Self::Quick | Self::Standard => vec![1.0],
