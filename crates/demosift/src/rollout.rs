@@ -123,16 +123,18 @@ pub fn state_log(
     let mut environment = playground.borrow()?;
     let mut observation = vec![0.0; playground.specification().observation_size];
     let mut measurements = vec![0.0; playground.specification().measurements.len()];
-    let mut log = StateLog::default();
+    let mut log = Some(StateLog::default());
     environment.reset(variant, seed.of("reset"), &mut observation, &mut measurements);
     for action in trajectory.actions().iter() {
-        let Some(state) = environment.simulator_state() else { return Ok(None) };
-        log.qpos.extend_from_slice(state.qpos);
-        log.qvel.extend_from_slice(state.qvel);
+        log = log.zip(environment.simulator_state()).map(|(mut log, state)| {
+            log.qpos.extend_from_slice(state.qpos);
+            log.qvel.extend_from_slice(state.qvel);
+            log
+        });
         environment.step(action, &mut observation, &mut measurements);
     }
     playground.give_back(environment);
-    Ok(Some(log))
+    Ok(log)
 }
 
 /// One episode in an environment of one's own; the reset draws from the seed's part `reset`, the actions from `act`.
