@@ -79,17 +79,17 @@ impl DemonstratorTraining {
 }
 
 impl DemonstratorState {
-    /// A demonstrator that knows nothing; its filter comes from a few random episodes.
+    /// A demonstrator that knows nothing; its filter comes from a few random episodes under every variant.
     pub fn start(playground: &Playground<'_>, training: &DemonstratorTraining, seed: &Seed) -> Result<Self> {
         use crate::observation_filter::ObservationFilter;
         let specification = playground.specification();
         let filter = ObservationFilter::identity(specification.observation_size);
         let policy =
             Policy::untrained(&training.policy, filter, specification.action_size, seed.of("policy"));
-        let seeds = seed.of("filter").many(training.episodes(specification.horizon));
-        let played = rollout::play(playground, &policy, Acting::Sampled, EnvVariant(0), seeds)?;
         let mut moments = Moments::default();
-        played.iter().for_each(|trajectory| moments.add(trajectory.observations()));
+        for played in play_variants(playground, &policy, training, &seed.of("filter"))? {
+            played.iter().for_each(|trajectory| moments.add(trajectory.observations()));
+        }
         let policy = policy.with_filter(moments.filter());
         Ok(Self { updates: 0, environment_steps: 0, policy, moments, stages: Vec::new() })
     }
@@ -197,50 +197,70 @@ fn play_stage(
     training: &DemonstratorTraining,
     state: &DemonstratorState,
     seed: &Seed,
-) -> Result<(Vec<Trajectory>, Stage)> {
-    let variants = playground.specification().variants.len();
-    let total = training.episodes(playground.specification().horizon);
-    let mut trajectories = Vec::with_capacity(total);
-    for variant in 0..variants {
-        let episodes = total.div_ceil(variants);
-        let seeds = seed.of("play").at(state.updates).at(variant).many(episodes);
-        trajectories.extend(rollout::play(
-            playground,
-            &state.policy,
-            Acting::Sampled,
-            EnvVariant(variant),
-            seeds,
-        )?);
-    }
-    let count = trajectories.len() as f64;
+) -> Result<(Vec<Vec<Trajectory>>, Stage)> {
+    let by_variant = play_variants(playground, &state.policy, training, &seed.of("play").at(state.updates))?;
+    // As many under each variant, so the mean over episodes is the mean over variants.
+    let all = by_variant.concat();
+    let count = all.len() as f64;
     let task_return = |played: &Trajectory| played.task_rewards().iter().map(|r| f64::from(*r)).sum::<f64>();
     let stage = Stage {
         updates: state.updates,
         environment_steps: state.environment_steps,
-        task_return: trajectories.iter().map(task_return).sum::<f64>() / count,
-        score: trajectories.iter().map(|played| playground.score(played)).sum::<f64>() / count,
-        success: playground.success_rate(&trajectories),
+        task_return: all.iter().map(task_return).sum::<f64>() / count,
+        score: all.iter().map(|played| playground.score(played)).sum::<f64>() / count,
+        success: playground.success_rate(&all),
         policy: state.policy.clone(),
     };
-    Ok((trajectories, stage))
+    Ok((by_variant, stage))
 }
 
+/// A batch of episodes, as many under each variant, `[variants][episodes]`.
+fn play_variants(
+    playground: &Playground<'_>,
+    policy: &Policy,
+    training: &DemonstratorTraining,
+    seed: &Seed,
+) -> Result<Vec<Vec<Trajectory>>> {
+    let specification = playground.specification();
+    let variants = specification.variant_ids();
+    let episodes = training.episodes(specification.horizon).div_ceil(variants.len());
+    let play = |variant: EnvVariant| {
+        let seeds = seed.at(variant.0).many(episodes);
+        rollout::play(playground, policy, Acting::Sampled, variant, seeds)
+    };
+    variants.into_iter().map(play).collect()
+}
+
+/// One TRPO step on all variants at once.
+///
+/// Each variant has a baseline of its own: a shot that is hard to save would otherwise look like bad actions.
 fn improve(
     state: &mut DemonstratorState,
     playground: &Playground<'_>,
     training: &DemonstratorTraining,
-    trajectories: &[Trajectory],
+    by_variant: &[Vec<Trajectory>],
 ) -> Result<()> {
-    let played = Played::new(playground, &state.policy, trajectories);
-    let rewards: Vec<f32> = trajectories.iter().flat_map(|played| played.task_rewards()).copied().collect();
-    let advantages = played.advantages(&rewards, &training.advantage)?;
-    let experiences = played.experiences(&state.policy, &advantages, 1.0);
+    let played: Vec<Played> =
+        by_variant.iter().map(|trajectories| Played::new(playground, &state.policy, trajectories)).collect();
+    let advantages = played.iter().zip(by_variant).map(|(played, trajectories)| {
+        let rewards: Vec<f32> =
+            trajectories.iter().flat_map(|played| played.task_rewards()).copied().collect();
+        played.advantages(&rewards, &training.advantage)
+    });
+    let advantages = advantages.collect::<Result<Vec<_>>>()?;
+    let weight = 1.0 / by_variant.len() as f64;
+    let experiences: Vec<_> = played
+        .iter()
+        .zip(&advantages)
+        .flat_map(|(played, advantages)| played.experiences(&state.policy, advantages, weight))
+        .collect();
     let step = trpo::step(&experiences, &training.trust_region, 1.0)?;
     state.policy = state.policy.moved(&step.displacement);
     state.updates += 1;
-    state.environment_steps += trajectories.iter().map(Trajectory::steps).sum::<usize>();
+    state.environment_steps +=
+        played.iter().map(|played| played.lengths.iter().sum::<usize>()).sum::<usize>();
     if state.updates <= training.filter_updates {
-        trajectories.iter().for_each(|trajectory| state.moments.add(trajectory.observations()));
+        by_variant.iter().flatten().for_each(|played| state.moments.add(played.observations()));
         state.policy = state.policy.with_filter(state.moments.filter());
     }
     Ok(())
