@@ -4,6 +4,7 @@
 mod mujoco;
 mod rendering;
 mod steps;
+mod taller;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -14,7 +15,8 @@ usage: cargo xtask COMMAND
   setup   fetch the pinned MuJoCo into .mujoco/lib
   test    setup; check format and lints, run all tests
   demo    setup; build, then sift the eight free throws that the repository carries
-  bench   setup; measure the learner and the simulator";
+  bench   setup; measure the learner and the simulator
+  taller  make the taller thrower of Free Throw anew from the thrower";
 
 /// Why a command stopped, and the exit code that says so.
 struct Failure {
@@ -36,6 +38,7 @@ fn main() -> ExitCode {
         ["test"] => set_up(&root).and_then(|()| steps::test(&root)),
         ["demo"] => set_up(&root).and_then(|()| steps::demo(&root)),
         ["bench"] => set_up(&root).and_then(|()| steps::bench(&root)),
+        ["taller"] => taller::write(&root).map_err(Failure::from),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");
             return ExitCode::SUCCESS;

@@ -118,7 +118,7 @@ fn tasks_that_are_none() {
     refuses(
         &scratch,
         "sift set --task tennis --out run",
-        &["'tennis'", "point_mass, free_throw, half_cheetah", "\nhint: "],
+        &["'tennis'", "point_mass, free_throw, ", "half_cheetah", "\nhint: "],
     );
     refuses(&scratch, "sift set --task set --out run", &["no task.toml", "set"]);
     refuses(&scratch, "sift set --out run", &["no task is given", "point_mass", "\nhint: "]);
@@ -166,6 +166,55 @@ fn a_number_to_keep_that_is_not_there() {
     );
     refuses(&scratch, &format!("oracle set {TASK} --repeats 0"), &["--repeats 0", "at least 1"]);
     refuses(&scratch, "record --task point_mass --out run --count 1", &["--count 1", "at least 2"]);
+    refuses(&scratch, "record --task point_mass --out run --unseen 1", &["--unseen 1", "at least 2"]);
+}
+
+#[test]
+fn demonstrators_that_are_none_or_do_not_fit() {
+    let scratch = Scratch::new("demonstrators");
+    scratch.succeed(&format!("{} --out trained", support::RECORD));
+    scratch.succeed("record --demonstrator trained --out recorded");
+    let record = "record --task point_mass --out run";
+    refuses(&scratch, &format!("{record} --demonstrator none"), &["no such run folder", "none"]);
+    refuses(
+        &scratch,
+        &format!("{record} --demonstrator set"),
+        &["not a run folder: it has no run.json", "set"],
+    );
+    let wanted = ["has no stages.bin", "recorded", "\nhint: "];
+    refuses(&scratch, &format!("{record} --demonstrator recorded"), &wanted);
+    let wanted = ["--set demonstrator.", "would change nothing", "\nhint: "];
+    refuses(&scratch, &format!("{record} --demonstrator trained --set demonstrator.updates=3"), &wanted);
+    let wanted = ["trained on the task point_mass", "is of free_throw", "\nhint: "];
+    refuses(&scratch, "record --task free_throw --demonstrator trained --out run", &wanted);
+    for guest in ["trained", "trained=0", "trained=six"] {
+        let wanted = [&*format!("--guest {guest}: "), "wanted DIR=N", "\nhint: "];
+        refuses(&scratch, &format!("{record} --guest {guest}"), &wanted);
+    }
+    refuses(&scratch, &format!("{record} --guest none=2"), &["no such run folder", "none"]);
+    let wanted = ["8 of the 8 demonstrations are by guests", "at least 1 must be", "\nhint: "];
+    refuses(&scratch, &format!("{record} --guest trained=8"), &wanted);
+    let wanted = ["'point_mass' has 4 numbers in an observation", "'free_throw' has 55"];
+    refuses(&scratch, "record --task free_throw --guest trained=2 --out run", &wanted);
+    refuses(&scratch, &format!("{record} --preset quick"), &["--preset"]);
+
+    let whole = std::fs::read(scratch.0.join("trained/stages.bin")).unwrap();
+    std::fs::write(scratch.0.join("trained/stages.bin"), &whole[..whole.len() / 2]).unwrap();
+    refuses(&scratch, &format!("{record} --demonstrator trained"), &["stages.bin cannot be read", "trained"]);
+    std::fs::write(scratch.0.join("trained/stages.bin"), [9, 0, 0, 0]).unwrap();
+    refuses(&scratch, &format!("{record} --demonstrator trained"), &["stages.bin has format version 9"]);
+
+    // A demonstrator that has changed since the recording began.
+    std::fs::remove_file(scratch.0.join("recorded/provenance.json")).unwrap();
+    complaint(&scratch, "record --out recorded --resume", &["not the one that this recording began with"]);
+}
+
+#[test]
+fn a_guest_that_never_succeeds() {
+    let scratch = Scratch::new("hopeless-guest");
+    scratch.succeed(&format!("{} --set demonstrator.updates=0 --out hopeless", support::RECORD));
+    let wanted = ["at least 50 %", "this one reaches 0 %", "hopeless"];
+    refuses(&scratch, "record --task point_mass --guest hopeless=2 --out run", &wanted);
 }
 
 #[test]

@@ -20,7 +20,21 @@ const BUILT_IN: &[BuiltIn] = &[
     BuiltIn {
         name: "free_throw",
         task_file: include_str!("../../../tasks/free_throw/task.toml"),
-        models: &[("free_throw.xml", include_str!("../../../tasks/free_throw/free_throw.xml"))],
+        models: &[
+            ("free_throw.xml", include_str!("../../../tasks/free_throw/free_throw.xml")),
+            ("court.xml", include_str!("../../../tasks/free_throw/court.xml")),
+            ("thrower.xml", include_str!("../../../tasks/free_throw/thrower.xml")),
+        ],
+        shaping: Some(tasks::free_throw::shaping),
+    },
+    BuiltIn {
+        name: "free_throw_taller",
+        task_file: include_str!("../../../tasks/free_throw/taller.toml"),
+        models: &[
+            ("free_throw_taller.xml", include_str!("../../../tasks/free_throw/free_throw_taller.xml")),
+            ("court.xml", include_str!("../../../tasks/free_throw/court.xml")),
+            ("taller_thrower.xml", include_str!("../../../tasks/free_throw/taller_thrower.xml")),
+        ],
         shaping: Some(tasks::free_throw::shaping),
     },
     BuiltIn {
