@@ -43,6 +43,12 @@ const BUILT_IN: &[BuiltIn] = &[
         models: &[("half_cheetah.xml", include_str!("../../../tasks/half_cheetah/half_cheetah.xml"))],
         shaping: None,
     },
+    BuiltIn {
+        name: "penalty_save",
+        task_file: include_str!("../../../tasks/penalty_save/task.toml"),
+        models: &[("penalty_save.xml", include_str!("../../../tasks/penalty_save/penalty_save.xml"))],
+        shaping: Some(tasks::penalty_save::shaping),
+    },
 ];
 
 /// Names of the tasks that come with demosift.

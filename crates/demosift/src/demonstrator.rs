@@ -71,24 +71,26 @@ pub struct DemonstratorState {
 pub const STAGE: &str = "demonstrator";
 
 impl DemonstratorTraining {
-    /// Episodes of `horizon` steps that are played before each TRPO step.
-    fn episodes(&self, horizon: usize) -> usize {
-        self.batch_steps.div_ceil(horizon).max(2)
+    /// Episodes that are played before each TRPO step, as many under each variant.
+    fn episodes(&self, playground: &Playground<'_>) -> usize {
+        let task = playground.specification();
+        self.batch_steps.div_ceil(task.horizon).max(2).next_multiple_of(task.variants.len())
     }
 }
 
 impl DemonstratorState {
-    /// A demonstrator that knows nothing; its filter comes from a few random episodes.
+    /// A demonstrator that knows nothing; its filter comes from a few random episodes under every variant.
     pub fn start(playground: &Playground<'_>, training: &DemonstratorTraining, seed: &Seed) -> Result<Self> {
         use crate::observation_filter::ObservationFilter;
         let specification = playground.specification();
         let filter = ObservationFilter::identity(specification.observation_size);
         let policy =
             Policy::untrained(&training.policy, filter, specification.action_size, seed.of("policy"));
-        let seeds = seed.of("filter").many(training.episodes(specification.horizon));
-        let played = rollout::play(playground, &policy, Acting::Sampled, EnvVariant(0), seeds)?;
         let mut moments = Moments::default();
-        played.iter().for_each(|trajectory| moments.add(trajectory.observations()));
+        let episodes = training.episodes(playground);
+        for played in play_all_variants(playground, &policy, episodes, &seed.of("filter"))?.concat() {
+            moments.add(played.observations());
+        }
         let policy = policy.with_filter(moments.filter());
         Ok(Self { updates: 0, environment_steps: 0, policy, moments, stages: Vec::new() })
     }
@@ -104,7 +106,7 @@ pub fn train(
 ) -> Result<Vec<Stage>> {
     observer.on(Event::Started { stage: STAGE, done: state.updates, total: training.updates });
     loop {
-        let (trajectories, stage) = play_stage(playground, training, &state, seed)?;
+        let (by_variant, stage) = play_stage(playground, training, &state, seed)?;
         report(&stage, observer);
         let last = state.updates >= training.updates
             || stage.success.is_some_and(|success| success >= training.enough_success);
@@ -114,7 +116,7 @@ pub fn train(
         if last {
             return Ok(state.stages);
         }
-        improve(&mut state, playground, training, &trajectories)
+        improve(&mut state, playground, training, &by_variant)
             .map_err(|error| error.during(&format!("demonstrator, update {}", state.updates)))?;
         observer.on(Event::Advanced { stage: STAGE, done: state.updates });
         if state.updates.is_multiple_of(training.checkpoint_every.max(1)) {
@@ -139,7 +141,7 @@ pub struct Outcome {
 
 /// Plays a policy as in training, its actions sampled, for `episodes` episodes that are spread evenly over the variants.
 pub fn assess(playground: &Playground<'_>, policy: &Policy, episodes: usize, seed: &Seed) -> Result<Outcome> {
-    Ok(outcome(playground, &play_all_variants(playground, policy, episodes, seed)?))
+    Ok(outcome(playground, &play_all_variants(playground, policy, episodes, seed)?.concat()))
 }
 
 fn play_stage(
@@ -147,12 +149,10 @@ fn play_stage(
     training: &DemonstratorTraining,
     state: &DemonstratorState,
     seed: &Seed,
-) -> Result<(Vec<Trajectory>, Stage)> {
-    let variants = playground.specification().variants.len();
-    let episodes = training.episodes(playground.specification().horizon).next_multiple_of(variants);
+) -> Result<(Vec<Vec<Trajectory>>, Stage)> {
     let seed = seed.of("play").at(state.updates);
-    let trajectories = play_all_variants(playground, &state.policy, episodes, &seed)?;
-    let Outcome { success, score, task_return, .. } = outcome(playground, &trajectories);
+    let by_variant = play_all_variants(playground, &state.policy, training.episodes(playground), &seed)?;
+    let Outcome { success, score, task_return, .. } = outcome(playground, &by_variant.concat());
     let stage = Stage {
         updates: state.updates,
         environment_steps: state.environment_steps,
@@ -161,23 +161,23 @@ fn play_stage(
         success,
         policy: state.policy.clone(),
     };
-    Ok((trajectories, stage))
+    Ok((by_variant, stage))
 }
 
+/// Episodes that are spread evenly over the variants, `[variants][about episodes / variants]`.
 fn play_all_variants(
     playground: &Playground<'_>,
     policy: &Policy,
     episodes: usize,
     seed: &Seed,
-) -> Result<Vec<Trajectory>> {
+) -> Result<Vec<Vec<Trajectory>>> {
     let variants = playground.specification().variants.len();
-    let mut trajectories = Vec::with_capacity(episodes);
-    for variant in 0..variants {
+    let play = |variant: usize| {
         let share = episodes / variants + usize::from(variant < episodes % variants);
         let seeds = seed.at(variant).many(share);
-        trajectories.extend(rollout::play(playground, policy, Acting::Sampled, EnvVariant(variant), seeds)?);
-    }
-    Ok(trajectories)
+        rollout::play(playground, policy, Acting::Sampled, EnvVariant(variant), seeds)
+    };
+    (0..variants).map(play).collect()
 }
 
 fn outcome(playground: &Playground<'_>, trajectories: &[Trajectory]) -> Outcome {
@@ -191,22 +191,36 @@ fn outcome(playground: &Playground<'_>, trajectories: &[Trajectory]) -> Outcome 
     }
 }
 
+/// One TRPO step on all variants at once.
+///
+/// Each variant has a baseline of its own: a shot that is hard to save would otherwise look like bad actions.
 fn improve(
     state: &mut DemonstratorState,
     playground: &Playground<'_>,
     training: &DemonstratorTraining,
-    trajectories: &[Trajectory],
+    by_variant: &[Vec<Trajectory>],
 ) -> Result<()> {
-    let played = Played::new(playground, &state.policy, trajectories);
-    let rewards: Vec<f32> = trajectories.iter().flat_map(|played| played.task_rewards()).copied().collect();
-    let advantages = played.advantages(&rewards, &training.advantage)?;
-    let experiences = played.experiences(&state.policy, &advantages, 1.0);
+    let played: Vec<Played> =
+        by_variant.iter().map(|trajectories| Played::new(playground, &state.policy, trajectories)).collect();
+    let advantages = played.iter().zip(by_variant).map(|(played, trajectories)| {
+        let rewards: Vec<f32> =
+            trajectories.iter().flat_map(|played| played.task_rewards()).copied().collect();
+        played.advantages(&rewards, &training.advantage)
+    });
+    let advantages = advantages.collect::<Result<Vec<_>>>()?;
+    let weight = 1.0 / by_variant.len() as f64;
+    let experiences: Vec<_> = played
+        .iter()
+        .zip(&advantages)
+        .flat_map(|(played, advantages)| played.experiences(&state.policy, advantages, weight))
+        .collect();
     let step = trpo::step(&experiences, &training.trust_region, 1.0)?;
     state.policy = state.policy.moved(&step.displacement);
     state.updates += 1;
-    state.environment_steps += trajectories.iter().map(Trajectory::steps).sum::<usize>();
+    state.environment_steps +=
+        played.iter().map(|played| played.lengths.iter().sum::<usize>()).sum::<usize>();
     if state.updates <= training.filter_updates {
-        trajectories.iter().for_each(|trajectory| state.moments.add(trajectory.observations()));
+        by_variant.iter().flatten().for_each(|played| state.moments.add(played.observations()));
         state.policy = state.policy.with_filter(state.moments.filter());
     }
     Ok(())
