@@ -356,8 +356,7 @@ fn siamese_lstm(hidden: usize, known_ms: f64) {
         adam.descend(1e-4, &gradient, &mut parameters);
         black_box(&parameters);
     });
-    let shape =
-        |m, n, k, left_transposed| Shape { m, n, k, left_transposed, right_transposed: false };
+    let shape = |m, n, k, left_transposed| Shape { m, n, k, left_transposed, right_transposed: false };
     let all = STEPS * SEQUENCES;
     let mut shapes = vec![
         shape(all, 4 * hidden, POLICY[0], false),
@@ -373,7 +372,12 @@ fn siamese_lstm(hidden: usize, known_ms: f64) {
         shapes.iter().for_each(|shape| multiply(shape, &values, &mut out));
         black_box(&out);
     });
-    report(&format!("LSTM {hidden}, T = {STEPS}, {SEQUENCES} sequences, one step"), known_ms, &times, &products);
+    report(
+        &format!("LSTM {hidden}, T = {STEPS}, {SEQUENCES} sequences, one step"),
+        known_ms,
+        &times,
+        &products,
+    );
 }
 
 fn advantage_estimation() {
