@@ -439,6 +439,10 @@ mod tests {
             "inner.discriminator.entropy = -0.1, and must be a number of at least 0"
         );
         assert_eq!(
+            complaint(|config| config.mutual_information.posterior.readings = 0),
+            zero("mutual_information.posterior.readings")
+        );
+        assert_eq!(
             complaint(|config| config.keep = 4),
             "keep = 4, and must be from 1 to the 3 demonstrations there are"
         );
