@@ -45,7 +45,7 @@
 //! lands = { contact = ["hand", "floor"] }             # 1 while geoms (or geoms of bodies) touch, else 0
 //!
 //! [heuristic]                          # of the T+1 rows of measurements; the one after the reset is the first
-//! fold = "min"                         # last_minus_first, min, max, sum, mean, last
+//! fold = "min"                         # last_minus_first, min, max, sum, mean, last, count (of rows: without `of`)
 //! of = "reach"                         # or [several], which are added up
 //! negate = true                        # higher must be better
 //! unit = "m"

@@ -11,7 +11,7 @@ use crate::tasks;
 struct BuiltIn {
     name: &'static str,
     task_file: &'static str,
-    /// File names and MJCF.
+    /// File names and MJCF; an included file has the path by which the model includes it.
     models: &'static [(&'static str, &'static str)],
     shaping: Option<MakeShaping>,
 }
@@ -22,6 +22,15 @@ const BUILT_IN: &[BuiltIn] = &[
         task_file: include_str!("../../../tasks/free_throw/task.toml"),
         models: &[("free_throw.xml", include_str!("../../../tasks/free_throw/free_throw.xml"))],
         shaping: Some(tasks::free_throw::shaping),
+    },
+    BuiltIn {
+        name: "handstand",
+        task_file: include_str!("../../../tasks/handstand/task.toml"),
+        models: &[
+            ("handstand.xml", include_str!("../../../tasks/handstand/handstand.xml")),
+            ("../humanoid/humanoid.xml", include_str!("../../../tasks/humanoid/humanoid.xml")),
+        ],
+        shaping: None,
     },
     BuiltIn {
         name: "half_cheetah",
