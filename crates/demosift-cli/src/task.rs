@@ -63,11 +63,16 @@ fn users_own(path: &Path) -> Result<Chosen> {
     } else {
         Layer::from_text(VALUES_FILE, "")?
     };
-    Ok(Chosen { task: Box::new(task), name: name.to_owned(), sha256: Some(hash_of(folder)?), values })
+    Ok(Chosen {
+        task: Box::new(task),
+        name: name.to_owned(),
+        sha256: Some(hash_of(folder, &absolute)?),
+        values,
+    })
 }
 
-/// Hash of the task file and the models beside it.
-fn hash_of(folder: &Path) -> Result<String> {
+/// Hash of the task file, of all that lies beside it, and of what its model includes from other folders.
+fn hash_of(folder: &Path, task: &Path) -> Result<String> {
     let failed = |error: std::io::Error| Error::io("cannot look into the task's folder", folder, &error);
     let mut paths = std::fs::read_dir(folder)
         .and_then(|entries| {
@@ -75,7 +80,9 @@ fn hash_of(folder: &Path) -> Result<String> {
         })
         .map_err(failed)?;
     paths.retain(|path| path.extension().is_some_and(|extension| extension == "xml" || extension == "toml"));
+    paths.extend(registry::files(task)?);
     paths.sort();
+    paths.dedup();
     files::sha256(&paths)
 }
 

@@ -79,7 +79,9 @@ impl Fold {
         };
         match (file.fold, names) {
             (FoldKind::Count, [_, ..]) => {
-                return Err(Error::bad_config("of: a count is of rows, so it takes no measurement; use `when`"));
+                return Err(Error::bad_config(
+                    "of: a count is of rows, so it takes no measurement; use `when`",
+                ));
             }
             (FoldKind::Count, []) => {}
             (_, []) => return Err(Error::bad_config("of: missing or empty; name at least one measurement")),
@@ -93,8 +95,7 @@ impl Fold {
         };
         let when = conditions(&file.when, "when")?;
         let as_long_as = conditions(&file.as_long_as, "while")?;
-        let empty_is_zero =
-            matches!(file.fold, FoldKind::Sum | FoldKind::LastMinusFirst | FoldKind::Count);
+        let empty_is_zero = matches!(file.fold, FoldKind::Sum | FoldKind::LastMinusFirst | FoldKind::Count);
         let may_be_empty = !when.is_empty() || !as_long_as.is_empty();
         let otherwise = match file.otherwise {
             Some(value) => value,
@@ -301,6 +302,18 @@ mod tests {
     }
 
     #[test]
+    fn a_count_is_of_the_rows_that_the_conditions_leave() {
+        assert_eq!(fold("fold = 'count'").score(&episode()), 5.0);
+        let when = "fold = 'count'\nwhen = [{ measurement = 'a', above = 0.9 }]";
+        assert_eq!(fold(when).score(&episode()), 4.0);
+        assert_eq!(
+            fold(&format!("{when}\nwhile = [{{ measurement = 'b', is = 1 }}]")).score(&episode()),
+            1.0
+        );
+        assert_eq!(fold("fold = 'count'\nwhen = [{ measurement = 'a', above = 9 }]").score(&episode()), 0.0);
+    }
+
+    #[test]
     fn a_bound_is_settled_only_where_more_rows_cannot_undo_it() {
         let settled = |text: &str, bound| {
             let fold = fold(text);
@@ -314,6 +327,9 @@ mod tests {
         assert!(settled("fold = 'min'\nof = 'a'\nnegate = true", Bound::Above(-1.0)));
         assert!(settled("fold = 'max'\nof = 'a'", Bound::Above(1.0)));
         assert!(!settled("fold = 'last'\nof = 'a'", Bound::Below(1.0)));
+        assert!(
+            settled("fold = 'count'", Bound::Above(0.5)) && !settled("fold = 'count'", Bound::Below(9.0))
+        );
     }
 
     #[test]
@@ -321,6 +337,8 @@ mod tests {
         for (text, wanted) in [
             ("fold = 'min'\nof = 'c'", "no measurement is called 'c'; [measurements] has: a, b"),
             ("fold = 'min'\nof = []", "at least one measurement"),
+            ("fold = 'min'", "at least one measurement"),
+            ("fold = 'count'\nof = 'a'", "takes no measurement"),
             ("fold = 'min'\nof = 'a'\nwhen = [{ measurement = 'b' }]", "exactly one of: is, above, below"),
             ("fold = 'min'\nof = 'a'\nwhen = [{ measurement = 'b', is = 1 }]", "`otherwise` is missing"),
         ] {

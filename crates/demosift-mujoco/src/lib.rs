@@ -10,7 +10,7 @@
 //!
 //! ```toml
 //! name = "reach"
-//! model = "arm.xml"         # beside this file
+//! model = "arm.xml"         # beside this file; it may include files, from other folders too
 //! camera = "front"          # optional: the one that shows the task best
 //! frame_skip = 5            # steps of the physics in a control step
 //! horizon = 100             # control steps in an episode, always
@@ -66,6 +66,7 @@
 
 pub mod environment;
 mod heuristic_fold;
+mod include;
 mod measurement;
 pub mod model;
 pub mod mujoco_task;
