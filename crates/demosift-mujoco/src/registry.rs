@@ -29,6 +29,15 @@ const BUILT_IN: &[BuiltIn] = &[
         models: &[("half_cheetah.xml", include_str!("../../../tasks/half_cheetah/half_cheetah.xml"))],
         shaping: None,
     },
+    BuiltIn {
+        name: "martial_arts",
+        task_file: include_str!("../../../tasks/martial_arts/task.toml"),
+        models: &[
+            ("martial_arts.xml", include_str!("../../../tasks/martial_arts/martial_arts.xml")),
+            ("../humanoid/humanoid.xml", include_str!("../../../tasks/humanoid/humanoid.xml")),
+        ],
+        shaping: Some(tasks::martial_arts::shaping),
+    },
 ];
 
 /// Names of the tasks that come with demosift.
