@@ -42,12 +42,15 @@ pub(crate) struct JobArguments {
     /// Keep the K most suitable demonstrations [default: a quarter of the set]
     #[arg(long, value_name = "K")]
     pub(crate) keep: Option<usize>,
+    /// How much to spend [default: standard]
+    #[arg(long, value_enum)]
+    pub(crate) preset: Option<PresetName>,
     #[command(flatten)]
     pub(crate) run: RunArguments,
 }
 
 /// What every run needs, whatever it is about.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(crate) struct RunArguments {
     /// The task: a name (see `demosift tasks`), or the path of a folder with a task.toml
     #[arg(long, value_name = "NAME|PATH")]
@@ -55,10 +58,7 @@ pub(crate) struct RunArguments {
     /// The root of all random numbers [default: 0]
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
-    /// How much to spend [default: standard]
-    #[arg(long, value_enum)]
-    pub(crate) preset: Option<PresetName>,
-    /// A TOML file of values that differ from the preset's
+    /// A TOML file of values that differ from the preset's and the task's
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
     /// One value that differs, such as judge.iterations=3; may be repeated
@@ -98,9 +98,19 @@ pub(crate) struct OracleArguments {
 
 #[derive(Debug, Args)]
 pub(crate) struct RecordArguments {
-    /// How many demonstrations to record, each at a stage of its own [default: 8]
+    /// How many demonstrations to record, at stages that span the training [default: 8]
     #[arg(long, value_name = "N")]
     pub(crate) count: Option<usize>,
+    /// Record a second set of N other demonstrations into unseen.hdf5 [default: 0]
+    #[arg(long, value_name = "N")]
+    pub(crate) unseen: Option<usize>,
+    /// Train nothing: record the demonstrator of this run folder, which another `record` made
+    #[arg(long, value_name = "DIR")]
+    pub(crate) demonstrator: Option<PathBuf>,
+    /// N of the demonstrations are by the demonstrator of this run folder, at stages at which it succeeds; its task may have
+    /// another body, but must have the same sizes; may be repeated
+    #[arg(long, value_name = "DIR=N")]
+    pub(crate) guest: Vec<String>,
     #[command(flatten)]
     pub(crate) run: RunArguments,
 }

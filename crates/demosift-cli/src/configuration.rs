@@ -10,7 +10,7 @@ use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
 /// The table that `record` alone reads.
-const DEMONSTRATOR: &str = "demonstrator";
+pub(crate) const DEMONSTRATOR: &str = "demonstrator";
 const DEMONSTRATOR_VALUES: &str = include_str!("demonstrator.toml");
 
 /// Values and where they come from.

@@ -10,7 +10,7 @@ use demosift::rollout::Playground;
 use demosift::{Error, Result, files};
 use toml::Table;
 
-use crate::arguments::{JobArguments, RunArguments};
+use crate::arguments::{JobArguments, PresetName, RunArguments};
 use crate::configuration::{self, Layer};
 use crate::metrics_file::MetricsFile;
 use crate::run_folder::{self, Begun, Data, Identity, RunFolder};
@@ -41,7 +41,7 @@ impl Job {
         check: impl FnOnce(&DemonstrationSet) -> Result<()>,
     ) -> Result<Self> {
         use_threads(arguments.run.threads)?;
-        let plan = Plan::of(&arguments.run)?;
+        let plan = Plan::of(&arguments.run, arguments.preset)?;
         plan.check_task()?;
         let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
         let path =
@@ -102,7 +102,7 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
-    pub(crate) fn of(arguments: &RunArguments) -> Result<Self> {
+    pub(crate) fn of(arguments: &RunArguments, preset: Option<PresetName>) -> Result<Self> {
         let out = match (&arguments.out, &arguments.task) {
             (Some(out), _) => out.clone(),
             (None, Some(task)) => default_folder(task),
@@ -113,7 +113,7 @@ impl Plan {
         let chosen = task::choose(name.ok_or_else(|| {
             if arguments.resume { run_folder::nothing_to_resume(&out) } else { task::missing() }
         })?)?;
-        let mut values = match (&begun, arguments.preset) {
+        let mut values = match (&begun, preset) {
             (Some(begun), None) => begun.configuration.clone(),
             (_, preset) => {
                 configuration::preset(preset.map_or(Preset::Standard, Preset::from), chosen.values.clone())?

@@ -92,6 +92,15 @@ pub(crate) fn look_into(folder: &Path, resume: bool) -> Result<Option<Begun>> {
     }
 }
 
+/// Looks into the folder of a finished run without touching it.
+pub(crate) fn of_finished(folder: &Path) -> Result<(Identity, RunFolder)> {
+    let file = folder.join(RUN);
+    if !file.exists() {
+        return Err(Error::bad_input(format!("this is not a run folder: it has no {RUN}")).at(folder));
+    }
+    Ok((read_identity(&file)?, RunFolder { path: folder.to_owned() }))
+}
+
 fn read_identity(path: &Path) -> Result<Identity> {
     let bytes = fs::read(path).map_err(|error| Error::io("cannot read the run", path, &error))?;
     serde_json::from_slice(&bytes)

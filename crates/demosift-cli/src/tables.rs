@@ -58,7 +58,7 @@ impl<'a> Scale<'a> {
         format!("{score:+.*}", self.decimals)
     }
 
-    fn with_unit(self, score: Score) -> String {
+    pub(crate) fn with_unit(self, score: Score) -> String {
         format!("{} {}", self.plain(score), self.unit).trim_end().to_owned()
     }
 

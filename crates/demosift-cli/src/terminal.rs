@@ -51,8 +51,9 @@ impl Progress {
 
     fn start(&mut self, stage: &str, done: usize, total: usize) {
         self.bar.finish_and_clear();
-        let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len}, {eta} left")
-            .expect("the template is ours");
+        let style =
+            ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len}, {elapsed} so far, {eta} left")
+                .expect("the template is ours");
         self.bar = ProgressBar::new(total as u64).with_style(style).with_message(what(stage));
         self.bar.set_position(done as u64);
         self.bar.reset_eta();

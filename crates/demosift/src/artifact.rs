@@ -1,12 +1,13 @@
 //! How each noun is written down and read back, with a version each.
 //!
 //! Nouns for people are JSON; policies and discriminators are safetensors with the shapes and the filter inside;
-//! checkpoints, which are for the next process of the same version only, are compact binary.
+//! checkpoints and a demonstrator's stages, which are for the next process of the same version only, are compact binary.
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::adapt::Learner;
+use crate::demonstrator::Stage;
 use crate::error::{Error, Result};
 use crate::gail::Discriminator;
 use crate::imitate::{CurvePoint, LearningCurve};
@@ -136,6 +137,20 @@ impl Artifact for LearningCurve {
     }
 }
 
+/// A demonstrator's stages of training.
+impl Artifact for Vec<Stage> {
+    fn keep(&self, ledger: &mut dyn Ledger, _: &str) -> Result<()> {
+        ledger.keep(STAGES, &write_checkpoint(self))
+    }
+
+    fn recall(ledger: &dyn Ledger, _: &str) -> Result<Option<Self>> {
+        ledger.recall(STAGES)?.map(|bytes| read_binary(&bytes, STAGES)).transpose()
+    }
+}
+
+/// Under which name a demonstrator's stages are kept.
+pub const STAGES: &str = "stages.bin";
+
 /// A policy as safetensors: `policy.<layer>.weight` `[in, out]` and `.bias` `[out]`, `policy.log_std` `[act]`,
 /// `policy.observation_mean` and `policy.observation_std` `[obs]`.
 pub fn write_policy(policy: &Policy) -> Vec<u8> {
@@ -161,14 +176,15 @@ pub fn write_checkpoint(state: &dyn Snapshot) -> Vec<u8> {
 
 /// The state from the bytes of [`write_checkpoint`]; `name` is for errors.
 pub fn read_checkpoint<State: DeserializeOwned>(bytes: &[u8], name: &str) -> Result<State> {
+    read_binary(bytes, name).map_err(|error| error.with_hint("delete it to start this stage anew"))
+}
+
+fn read_binary<T: DeserializeOwned>(bytes: &[u8], name: &str) -> Result<T> {
     let (version, state) = bytes
         .split_first_chunk()
         .ok_or_else(|| Error::bad_input(format!("{name} is cut short: {} bytes", bytes.len())))?;
     check_version(u32::from_le_bytes(*version), name)?;
-    postcard::from_bytes(state).map_err(|error| {
-        Error::bad_input(format!("{name} cannot be read: {error}"))
-            .with_hint("delete it to start this stage anew")
-    })
+    postcard::from_bytes(state).map_err(|error| Error::bad_input(format!("{name} cannot be read: {error}")))
 }
 
 struct Tensor {

@@ -1,18 +1,17 @@
 //! Demonstrators: agents trained by reinforcement learning on the task's own shaped reward (§5.1), whose episodes at different
 //! stages of training make a noisy demonstration set.
 
-use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
 
 use crate::adapt::Played;
 use crate::advantage::AdvantageEstimation;
 use crate::environment::EnvVariant;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::heuristic::Score;
 use crate::observation_filter::Moments;
 use crate::observer::{Event, Observer};
 use crate::policy::{Policy, PolicyShape};
-use crate::rollout::{self, Acting, Playground, StateLog};
+use crate::rollout::{self, Acting, Playground};
 use crate::seed::Seed;
 use crate::trajectory::Trajectory;
 use crate::trpo::{self, TrustRegion};
@@ -124,72 +123,23 @@ pub fn train(
     }
 }
 
-/// `count` stages whose scores span those of the training as evenly as they can, from the worst to the best.
-pub fn choose_stages(stages: &[Stage], count: usize) -> Result<Vec<Stage>> {
-    if stages.len() < count {
-        return Err(Error::bad_config(format!(
-            "{count} demonstrations at stages of their own are wanted, but the training was kept at {} stages only",
-            stages.len()
-        ))
-        .with_hint(
-            "training ends early once it succeeds often enough: lower demonstrator.snapshot_every, or raise demonstrator.updates or demonstrator.enough_success",
-        ));
-    }
-    let mut rest: Vec<&Stage> = stages.iter().collect();
-    rest.sort_by(|a, b| a.score.total_cmp(&b.score));
-    let (worst, best) = (rest[0].score, rest[rest.len() - 1].score);
-    let mut chosen = Vec::with_capacity(count);
-    for index in 0..count {
-        let wanted = worst + (best - worst) * index as f64 / (count - 1).max(1) as f64;
-        let still_needed = count - index - 1;
-        // Later choices take from what lies above, so enough must be left there.
-        let candidates = &rest[..rest.len() - still_needed];
-        let nearest = (0..candidates.len())
-            .min_by(|a, b| {
-                (candidates[*a].score - wanted).abs().total_cmp(&(candidates[*b].score - wanted).abs())
-            })
-            .expect("checked above that there are enough");
-        chosen.push(rest[nearest].clone());
-        rest.drain(..=nearest);
-    }
-    Ok(chosen)
+/// How a policy does, over a number of episodes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// Episodes played.
+    pub episodes: usize,
+    /// Share of them that succeeded; `None` where the task does not say.
+    pub success: Option<f64>,
+    /// Mean heuristic.
+    pub score: Score,
+    /// Mean task reward of an episode.
+    #[serde(rename = "return")]
+    pub task_return: f64,
 }
 
-/// An episode that became a demonstration.
-#[derive(Clone, Debug)]
-pub struct Recorded {
-    /// What the demonstrator did.
-    pub trajectory: Trajectory,
-    /// The simulator's states behind it, where there is a simulator.
-    pub states: Option<StateLog>,
-}
-
-/// Episodes that a stage plays for a recording; odd, so that there is a median.
-const EPISODES_PER_RECORDING: usize = 15;
-
-/// The episode of median score among a few that a stage plays: neither its luckiest nor its worst.
-pub fn record(
-    playground: &Playground<'_>,
-    stage: &Stage,
-    variant: EnvVariant,
-    seed: &Seed,
-) -> Result<Recorded> {
-    let seeds = (0..EPISODES_PER_RECORDING).map(|episode| seed.at(episode)).collect();
-    let mut played = rollout::play(playground, &stage.policy, Acting::Sampled, variant, seeds)?;
-    let scores: Vec<Score> = played.iter().map(|trajectory| playground.score(trajectory)).collect();
-    let mut by_score: Vec<usize> = (0..played.len()).collect();
-    by_score.sort_by(|a, b| scores[*a].total_cmp(&scores[*b]));
-    let median = by_score[by_score.len() / 2];
-    let trajectory = played.swap_remove(median);
-    let states = rollout::state_log(playground, &trajectory, variant, &seed.at(median))?;
-    Ok(Recorded { trajectory, states })
-}
-
-/// An order of `count` demonstrations from which their stages cannot be read.
-pub fn shuffled_order(count: usize, seed: Seed) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..count).collect();
-    order.shuffle(&mut seed.into_rng());
-    order
+/// Plays a policy as in training, its actions sampled, for `episodes` episodes that are spread evenly over the variants.
+pub fn assess(playground: &Playground<'_>, policy: &Policy, episodes: usize, seed: &Seed) -> Result<Outcome> {
+    Ok(outcome(playground, &play_all_variants(playground, policy, episodes, seed)?))
 }
 
 fn play_stage(
@@ -199,30 +149,46 @@ fn play_stage(
     seed: &Seed,
 ) -> Result<(Vec<Trajectory>, Stage)> {
     let variants = playground.specification().variants.len();
-    let total = training.episodes(playground.specification().horizon);
-    let mut trajectories = Vec::with_capacity(total);
-    for variant in 0..variants {
-        let episodes = total.div_ceil(variants);
-        let seeds = seed.of("play").at(state.updates).at(variant).many(episodes);
-        trajectories.extend(rollout::play(
-            playground,
-            &state.policy,
-            Acting::Sampled,
-            EnvVariant(variant),
-            seeds,
-        )?);
-    }
-    let count = trajectories.len() as f64;
-    let task_return = |played: &Trajectory| played.task_rewards().iter().map(|r| f64::from(*r)).sum::<f64>();
+    let episodes = training.episodes(playground.specification().horizon).next_multiple_of(variants);
+    let seed = seed.of("play").at(state.updates);
+    let trajectories = play_all_variants(playground, &state.policy, episodes, &seed)?;
+    let Outcome { success, score, task_return, .. } = outcome(playground, &trajectories);
     let stage = Stage {
         updates: state.updates,
         environment_steps: state.environment_steps,
-        task_return: trajectories.iter().map(task_return).sum::<f64>() / count,
-        score: trajectories.iter().map(|played| playground.score(played)).sum::<f64>() / count,
-        success: playground.success_rate(&trajectories),
+        task_return,
+        score,
+        success,
         policy: state.policy.clone(),
     };
     Ok((trajectories, stage))
+}
+
+fn play_all_variants(
+    playground: &Playground<'_>,
+    policy: &Policy,
+    episodes: usize,
+    seed: &Seed,
+) -> Result<Vec<Trajectory>> {
+    let variants = playground.specification().variants.len();
+    let mut trajectories = Vec::with_capacity(episodes);
+    for variant in 0..variants {
+        let share = episodes / variants + usize::from(variant < episodes % variants);
+        let seeds = seed.at(variant).many(share);
+        trajectories.extend(rollout::play(playground, policy, Acting::Sampled, EnvVariant(variant), seeds)?);
+    }
+    Ok(trajectories)
+}
+
+fn outcome(playground: &Playground<'_>, trajectories: &[Trajectory]) -> Outcome {
+    let count = trajectories.len() as f64;
+    let task_return = |played: &Trajectory| played.task_rewards().iter().map(|r| f64::from(*r)).sum::<f64>();
+    Outcome {
+        episodes: trajectories.len(),
+        success: playground.success_rate(trajectories),
+        score: trajectories.iter().map(|played| playground.score(played)).sum::<f64>() / count,
+        task_return: trajectories.iter().map(task_return).sum::<f64>() / count,
+    }
 }
 
 fn improve(
@@ -263,61 +229,31 @@ fn report(stage: &Stage, observer: &mut dyn Observer) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::environment::Task as _;
     use crate::observation_filter::ObservationFilter;
-
-    fn stages(scores: &[f64]) -> Vec<Stage> {
-        let shape = PolicyShape { hidden: vec![2], initial_std: 1.0 };
-        let policy = Policy::untrained(&shape, ObservationFilter::identity(1), 1, Seed::new(0));
-        let stage = |(updates, score): (usize, &f64)| Stage {
-            updates,
-            environment_steps: 0,
-            task_return: 0.0,
-            score: *score,
-            success: None,
-            policy: policy.clone(),
-        };
-        scores.iter().enumerate().map(stage).collect()
-    }
-
-    fn chosen(scores: &[f64], count: usize) -> Vec<f64> {
-        choose_stages(&stages(scores), count).expect("enough").iter().map(|stage| stage.score).collect()
-    }
+    use crate::point_mass::PointMass;
 
     #[test]
-    fn stages_span_the_training_evenly_from_the_worst_to_the_best() {
-        let scores: Vec<f64> = (0..=100).map(|value| f64::from(value) / 10.0).collect();
-        assert_eq!(chosen(&scores, 5), [0.0, 2.5, 5.0, 7.5, 10.0]);
-        // Training leaps: what is nearest to an even span is taken.
-        assert_eq!(chosen(&[9.0, 0.0, 10.0, 0.1, 4.0], 3), [0.0, 4.0, 10.0]);
-        assert_eq!(chosen(&[3.0, 1.0, 2.0], 3), [1.0, 2.0, 3.0]);
-    }
-
-    #[test]
-    fn no_stage_is_chosen_twice_even_where_scores_tie() {
-        for scores in [vec![1.0; 8], vec![0.0, 0.0, 0.0, 5.0, 5.0, 5.0, 5.0, 5.0], vec![0.0, 9.0, 9.0, 9.0]] {
-            for count in 1..=scores.len() {
-                let found = choose_stages(&stages(&scores), count).expect("enough");
-                let mut updates: Vec<usize> = found.iter().map(|stage| stage.updates).collect();
-                updates.sort_unstable();
-                updates.dedup();
-                assert_eq!(updates.len(), count, "{scores:?}");
-                assert!(found.is_sorted_by(|a, b| a.score <= b.score));
+    fn an_assessment_plays_each_variant_as_often_as_another_and_averages_over_episodes() {
+        let task = PointMass::with_goals(3);
+        let playground = Playground::new(&task);
+        let shape = PolicyShape { hidden: vec![4], initial_std: 0.5 };
+        let policy = Policy::untrained(&shape, ObservationFilter::identity(4), 2, Seed::new(1));
+        let found = assess(&playground, &policy, 10, &Seed::new(2)).expect("plays");
+        assert_eq!(found.episodes, 10);
+        // By hand: four episodes of the first goal, three of each other.
+        let mut scores = Vec::new();
+        for (variant, count) in [(0, 4), (1, 3), (2, 3)] {
+            for episode in 0..count {
+                let seeds = vec![Seed::new(2).at(variant).at(episode)];
+                let played = rollout::play(&playground, &policy, Acting::Sampled, EnvVariant(variant), seeds)
+                    .expect("plays");
+                scores.push(task.heuristic().score(played[0].measurements()));
             }
         }
-    }
-
-    #[test]
-    fn too_few_stages_are_told_with_both_numbers() {
-        let error = choose_stages(&stages(&[1.0, 2.0]), 3).expect_err("too few");
-        assert!(error.is_bad_config());
-        assert!(error.to_string().contains("3 demonstrations") && error.to_string().contains("2 stages"));
-    }
-
-    #[test]
-    fn a_shuffled_order_holds_each_index_once() {
-        let mut order = shuffled_order(20, Seed::new(4));
-        assert_ne!(order, (0..20).collect::<Vec<_>>());
-        order.sort_unstable();
-        assert_eq!(order, (0..20).collect::<Vec<_>>());
+        let mean = scores.iter().sum::<f64>() / 10.0;
+        assert!((found.score - mean).abs() < 1e-12, "{} and {mean}", found.score);
+        let within = scores.iter().filter(|score| **score > -0.25).count() as f64 / 10.0;
+        assert_eq!(found.success, Some(within));
     }
 }

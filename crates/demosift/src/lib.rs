@@ -64,6 +64,7 @@ pub mod observer;
 pub mod point_mass;
 pub mod policy;
 pub mod preset;
+pub mod recording;
 pub mod rollout;
 pub mod rows;
 pub mod seed;

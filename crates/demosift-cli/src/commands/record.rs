@@ -1,124 +1,285 @@
 //! `demosift record`: a demonstrator is trained, and its episodes at stages from hopeless to successful become a set.
 
+mod source;
+
 use std::path::Path;
 
+use demosift::artifact::{self, Artifact as _};
 use demosift::demonstration::d4rl::{self, Episode, States};
-use demosift::demonstrator::{self, DemonstratorState, DemonstratorTraining, Recorded, Stage};
-use demosift::environment::EnvVariant;
+use demosift::demonstrator::{self, DemonstratorState, DemonstratorTraining, Outcome, Stage};
 use demosift::experiment::{self, Keeping};
-use demosift::heuristic::Score;
 use demosift::ledger::Ledger as _;
+use demosift::recording::{self, Origin, Part, Recorded};
 use demosift::rollout::Playground;
 use demosift::rows::Rows;
 use demosift::seed::Seed;
-use demosift::{Error, Result, artifact};
+use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
+use toml::{Table, Value};
 
+use self::source::{Guest, Source};
 use super::kept_in;
-use crate::arguments::RecordArguments;
+use crate::arguments::{RecordArguments, RunArguments};
 use crate::configuration;
 use crate::job::{self, Plan, SET_FILE};
 use crate::metrics_file::MetricsFile;
 use crate::run_folder::RunFolder;
 use crate::tables::{self, Scale};
+use crate::task::Chosen;
 use crate::terminal::{self, Progress};
 
 /// Where the demonstrations came from: apart from them, so that nothing that judges reads it.
 const PROVENANCE_FILE: &str = "provenance.json";
+/// A second set, and where it came from.
+const UNSEEN_SET_FILE: &str = "unseen.hdf5";
+const UNSEEN_PROVENANCE_FILE: &str = "unseen_provenance.json";
+
+/// Episodes from which a finished demonstrator is known.
+const FINAL_EPISODES: usize = 100;
 
 /// What a recording depends on.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Recording {
     seed: u64,
-    demonstrator: DemonstratorTraining,
+    count: usize,
+    unseen: usize,
+    /// How the demonstrator is trained.
+    demonstrator: Option<DemonstratorTraining>,
+    /// The demonstrator, if it is there already.
+    recorded_from: Option<Source>,
+    #[serde(default)]
+    guests: Vec<Guest>,
 }
 
 /// Where a set came from.
 #[derive(Debug, Serialize, Deserialize)]
 struct Provenance {
-    /// TRPO steps of the finished demonstrator.
-    updates: usize,
-    environment_steps: usize,
-    /// Share of its episodes that succeeded.
-    success: Option<f64>,
+    #[serde(flatten)]
+    demonstrator: Demonstrator,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    guests: Vec<Demonstrator>,
     demonstrations: Vec<Origin>,
 }
 
-/// Where one demonstration came from.
-#[derive(Debug, Serialize, Deserialize)]
-struct Origin {
-    demonstration: usize,
-    variant: usize,
-    /// TRPO steps of the demonstrator at this stage.
+/// A finished demonstrator.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Demonstrator {
+    /// The task that it plays, in its own body.
+    task: String,
+    /// TRPO steps.
     updates: usize,
-    stage_return: f64,
-    stage_score: Score,
-    stage_success: Option<f64>,
-    /// Of the recorded episode itself.
-    score: Score,
-    succeeded: Option<bool>,
-    steps: usize,
+    environment_steps: usize,
+    /// Share of the episodes that succeeded which it played for its last step.
+    success: Option<f64>,
+    /// How it does in episodes from which it did not learn.
+    #[serde(rename = "final")]
+    finally: Outcome,
 }
 
 pub(crate) fn run(arguments: &RecordArguments) -> Result<()> {
     job::use_threads(arguments.run.threads)?;
-    let plan = Plan::of(&arguments.run)?;
-    let mut values = configuration::of_recording(plan.values.clone());
+    let given = arguments.demonstrator.as_deref().map(Source::of).transpose()?;
+    let plan = Plan::of(&with_task(arguments, given.as_ref()), None)?;
+    let values = values(arguments, given, &plan)?;
     let recording: Recording = configuration::typed(values.clone())?;
-    experiment::check_demonstrator(&recording.demonstrator)?;
-    // Kept with the configuration, so that a folder of another count is told apart.
-    let count = count(arguments, &plan)?;
-    values.insert("count".to_owned(), toml::Value::Integer(count as i64));
+    check(&recording, &plan)?;
     let mut folder = plan.open_folder(None, &values)?;
-    let provenance = match folder.recall(PROVENANCE_FILE)? {
-        Some(bytes) => serde_json::from_slice(&bytes)
-            .map_err(|error| Error::bad_input(format!("{PROVENANCE_FILE} cannot be read: {error}")))?,
-        None => make(&plan, &recording, count, &mut folder)?,
-    };
+    let (provenance, unseen) =
+        match (recall(&folder, PROVENANCE_FILE)?, recall(&folder, UNSEEN_PROVENANCE_FILE)?) {
+            (Some(provenance), unseen) => (provenance, unseen),
+            (None, _) => make(&plan, &recording, &mut folder)?,
+        };
     if arguments.run.json {
-        terminal::show_json(&json!({ "provenance": provenance, "run_folder": folder.path() }));
+        let mut said = json!({ "provenance": provenance, "run_folder": folder.path() });
+        if let Some(unseen) = unseen {
+            said["unseen"] = json!(unseen.demonstrations);
+        }
+        terminal::show_json(&said);
         return Ok(());
     }
-    terminal::show(&tell(&provenance, plan.chosen.task.heuristic().unit()));
+    let unit = plan.chosen.task.heuristic().unit();
+    terminal::show(&tell(&provenance, unit));
+    if let Some(unseen) = unseen {
+        terminal::show(&format!("\nUnseen demonstrations:\n\n{}", table(&unseen.demonstrations, unit)));
+    }
     terminal::show(&kept_in(&folder));
     Ok(())
 }
 
-fn count(arguments: &RecordArguments, plan: &Plan) -> Result<usize> {
-    let begun = plan.begun.as_ref().and_then(|begun| begun.configuration.get("count")?.as_integer());
-    let count = arguments.count.or(begun.and_then(|count| usize::try_from(count).ok())).unwrap_or(8);
-    if count < 2 {
-        return Err(Error::bad_config(format!("--count {count}: must be at least 2")));
-    }
-    Ok(count)
+/// The task is that of the demonstrator, if no other one is named.
+fn with_task(arguments: &RecordArguments, given: Option<&Source>) -> RunArguments {
+    let task = arguments.run.task.clone().or(given.map(|source| source.task.clone()));
+    RunArguments { task, ..arguments.run.clone() }
 }
 
-/// Trains, records and writes everything; the provenance comes last, since it says that the recording is whole.
-fn make(plan: &Plan, recording: &Recording, count: usize, folder: &mut RunFolder) -> Result<Provenance> {
+/// All that the recording depends on: what is asked for now, or was when it began.
+fn values(arguments: &RecordArguments, given: Option<Source>, plan: &Plan) -> Result<Table> {
+    let begun = plan.begun.as_ref().map(|begun| &begun.configuration);
+    let mut values = configuration::of_recording(plan.values.clone());
+    for (name, given, default) in [("count", arguments.count, 8), ("unseen", arguments.unseen, 0)] {
+        let value = given.map(|number| Value::Integer(number as i64));
+        let value = value.or(begun.and_then(|begun| begun.get(name).cloned()));
+        values.insert(name.to_owned(), value.unwrap_or(Value::Integer(default)));
+    }
+    let plain = |source| Value::try_from(source).expect("names and hashes are TOML");
+    let source = given.map(plain).or(begun.and_then(|begun| begun.get("recorded_from").cloned()));
+    if let Some(source) = source {
+        if arguments.run.set.iter().any(|assignment| assignment.starts_with("demonstrator.")) {
+            let message = "--demonstrator trains nothing, so --set demonstrator.… would change nothing";
+            return Err(Error::bad_config(message).with_hint("leave one of the two away"));
+        }
+        values.remove(configuration::DEMONSTRATOR);
+        values.insert("recorded_from".to_owned(), source);
+    }
+    let guests = arguments.guest.iter().map(|typed| Guest::of(typed)).collect::<Result<Vec<_>>>()?;
+    let guests = if guests.is_empty() {
+        begun.and_then(|begun| begun.get("guests").cloned())
+    } else {
+        Some(Value::try_from(guests).expect("names and hashes are TOML"))
+    };
+    values.extend(guests.map(|guests| ("guests".to_owned(), guests)));
+    Ok(values)
+}
+
+/// Whether the numbers mean something and the demonstrators fit, before the run folder is touched.
+fn check(recording: &Recording, plan: &Plan) -> Result<()> {
+    let Recording { count, unseen, guests, .. } = recording;
+    if *count < 2 {
+        return Err(Error::bad_config(format!("--count {count}: must be at least 2")));
+    }
+    if *unseen == 1 {
+        return Err(Error::bad_config("--unseen 1: must be 0, or at least 2 for a set"));
+    }
+    let of_guests: usize = guests.iter().map(|guest| guest.count).sum();
+    if of_guests >= *count {
+        return Err(Error::bad_config(format!(
+            "{of_guests} of the {count} demonstrations are by guests, and at least 1 must be by the task's own demonstrator"
+        ))
+        .with_hint("raise --count, which counts all of them, or lower the N of --guest DIR=N"));
+    }
+    if let Some(training) = &recording.demonstrator {
+        experiment::check_demonstrator(training)?;
+    }
+    if let Some(source) = &recording.recorded_from {
+        if (&source.task, &source.task()?.sha256) != (&plan.chosen.name, &plan.chosen.sha256) {
+            return Err(Error::bad_config(format!(
+                "--demonstrator was trained on the task {}, and the recording is of {}",
+                source.task, plan.chosen.name
+            ))
+            .with_hint("leave --task away, or let it be a --guest"));
+        }
+        source.stages(&plan.chosen)?;
+    }
+    for Guest { source, count } in guests {
+        let chosen = source.task()?;
+        recording::check_guest(plan.chosen.task.specification(), chosen.task.specification())?;
+        recording::guest_stages(&source.stages(&chosen)?, *count).map_err(|error| source.blame(error))?;
+    }
+    Ok(())
+}
+
+/// A set's provenance, if the set is whole.
+fn recall(folder: &RunFolder, name: &str) -> Result<Option<Provenance>> {
+    let Some(bytes) = folder.recall(name)? else { return Ok(None) };
+    serde_json::from_slice(&bytes)
+        .map(Some)
+        .map_err(|error| Error::bad_input(format!("{name} cannot be read: {error}")))
+}
+
+/// Trains, records and writes everything; the provenance of the set comes last, since it says that the recording is whole.
+fn make(
+    plan: &Plan,
+    recording: &Recording,
+    folder: &mut RunFolder,
+) -> Result<(Provenance, Option<Provenance>)> {
     let playground = Playground::new(plan.chosen.task.as_ref());
     let seed = Seed::new(recording.seed);
+    let stages = stages(&playground, recording, plan, folder)?;
+    let demonstrator = finished(&playground, &stages, &seed.of("final"))?;
+    let guests = recording.guests.iter().map(Invited::of).collect::<Result<Vec<_>>>()?;
+    let playgrounds: Vec<Playground<'_>> =
+        guests.iter().map(|guest| Playground::new(guest.chosen.task.as_ref())).collect();
+
+    let all: Vec<&Stage> = stages.iter().collect();
+    let own = recording.count - recording.guests.iter().map(|guest| guest.count).sum::<usize>();
+    let mut parts = vec![Part { playground: &playground, stages: recording::choose_stages(&all, own)? }];
+    let mut visitors = Vec::with_capacity(guests.len());
+    for (index, (guest, playground)) in guests.iter().zip(&playgrounds).enumerate() {
+        parts.push(Part { playground, stages: recording::guest_stages(&guest.stages, guest.count)? });
+        visitors.push(finished(playground, &guest.stages, &seed.of("final of guest").at(index))?);
+    }
+    let recorded = recording::record(&parts, &seed)?;
+    write(&folder.path().join(SET_FILE), &recorded)?;
+
+    let unseen = if recording.unseen > 0 {
+        let others = recording::other_stages(&stages, &parts[0].stages, recording.unseen);
+        let stages = recording::choose_stages(&others, recording.unseen)?;
+        let recorded = recording::record(&[Part { playground: &playground, stages }], &seed.of("unseen"))?;
+        write(&folder.path().join(UNSEEN_SET_FILE), &recorded)?;
+        let provenance = Provenance::of(demonstrator.clone(), Vec::new(), &recorded);
+        provenance.keep(folder, UNSEEN_PROVENANCE_FILE)?;
+        Some(provenance)
+    } else {
+        None
+    };
+    let last = stages.last().expect("training keeps its last stage");
+    folder.keep("policy_demonstrator.safetensors", &artifact::write_policy(&last.policy))?;
+    let provenance = Provenance::of(demonstrator, visitors, &recorded);
+    provenance.keep(folder, PROVENANCE_FILE)?;
+    Ok((provenance, unseen))
+}
+
+/// A guest with what it brings.
+struct Invited {
+    chosen: Chosen,
+    stages: Vec<Stage>,
+    count: usize,
+}
+
+impl Invited {
+    fn of(guest: &Guest) -> Result<Self> {
+        let chosen = guest.source.task()?;
+        let stages = guest.source.stages(&chosen)?;
+        Ok(Self { chosen, stages, count: guest.count })
+    }
+}
+
+impl Provenance {
+    fn of(demonstrator: Demonstrator, guests: Vec<Demonstrator>, recorded: &[Recorded]) -> Self {
+        let demonstrations = recorded.iter().map(|recorded| recorded.origin.clone()).collect();
+        Self { demonstrator, guests, demonstrations }
+    }
+
+    fn keep(&self, folder: &mut RunFolder, name: &str) -> Result<()> {
+        let mut json = serde_json::to_vec_pretty(self).expect("names and numbers are JSON");
+        json.push(b'\n');
+        folder.keep(name, &json)
+    }
+}
+
+/// The demonstrator's stages: kept before, those of another run folder, or those of its training now.
+fn stages(
+    playground: &Playground<'_>,
+    recording: &Recording,
+    plan: &Plan,
+    folder: &mut RunFolder,
+) -> Result<Vec<Stage>> {
+    if let Some(stages) = Vec::recall(folder, "")? {
+        return Ok(stages);
+    }
+    if let Some(source) = &recording.recorded_from {
+        return source.stages(&plan.chosen);
+    }
+    let training = recording.demonstrator.as_ref().expect("a recording has a training or a source");
     let mut progress = Progress::new(MetricsFile::open(folder.path())?);
-    let stages = train(&playground, &recording.demonstrator, &seed, (folder, &mut progress));
+    let seed = Seed::new(recording.seed).of("demonstrator");
+    let stages = train(playground, training, &seed, (folder, &mut progress));
     let told = progress.finish();
     let stages = stages?;
     told?;
-    let last = stages.last().expect("training keeps its last stage");
-    let (episodes, origins) = record(&playground, &stages, count, &seed)?;
-    let provenance = Provenance {
-        updates: last.updates,
-        environment_steps: last.environment_steps,
-        success: last.success,
-        demonstrations: origins,
-    };
-    write(&folder.path().join(SET_FILE), &episodes)?;
-    folder.keep("policy_demonstrator.safetensors", &artifact::write_policy(&last.policy))?;
-    let mut json = serde_json::to_vec_pretty(&provenance).expect("names and numbers are JSON");
-    json.push(b'\n');
-    folder.keep(PROVENANCE_FILE, &json)?;
-    folder.forget(&artifact::checkpoint_name(demonstrator::STAGE, ""))?;
-    Ok(provenance)
+    Ok(stages)
 }
 
 fn train(
@@ -127,43 +288,22 @@ fn train(
     seed: &Seed,
     (folder, progress): (&mut RunFolder, &mut Progress),
 ) -> Result<Vec<Stage>> {
-    let seed = seed.of("demonstrator");
     let start = || DemonstratorState::start(playground, training, &seed.of("start"));
     let (state, mut keeping) = Keeping::begin(folder, progress, demonstrator::STAGE, "", start)?;
-    demonstrator::train(playground, training, state, &seed, &mut keeping)
+    let stages = demonstrator::train(playground, training, state, seed, &mut keeping)?;
+    keeping.finish("", &stages)?;
+    Ok(stages)
 }
 
-/// One episode of each chosen stage, in an order from which the stages cannot be read.
-fn record(
-    playground: &Playground<'_>,
-    stages: &[Stage],
-    count: usize,
-    seed: &Seed,
-) -> Result<(Vec<Recorded>, Vec<Origin>)> {
-    let chosen = demonstrator::choose_stages(stages, count)?;
-    let order = demonstrator::shuffled_order(count, seed.of("order"));
-    let variants = playground.specification().variants.len();
-    let mut episodes = Vec::with_capacity(count);
-    let mut origins = Vec::with_capacity(count);
-    for (demonstration, &stage) in order.iter().enumerate() {
-        let (stage, variant) = (&chosen[stage], demonstration % variants);
-        let seed = seed.of("record").at(demonstration);
-        let recorded = demonstrator::record(playground, stage, EnvVariant(variant), &seed)?;
-        let played = &recorded.trajectory;
-        origins.push(Origin {
-            demonstration,
-            variant,
-            updates: stage.updates,
-            stage_return: stage.task_return,
-            stage_score: stage.score,
-            stage_success: stage.success,
-            score: playground.score(played),
-            succeeded: playground.task().succeeded(played.measurements()),
-            steps: played.steps(),
-        });
-        episodes.push(recorded);
-    }
-    Ok((episodes, origins))
+fn finished(playground: &Playground<'_>, stages: &[Stage], seed: &Seed) -> Result<Demonstrator> {
+    let last = stages.last().ok_or_else(|| Error::bad_input("the demonstrator has no stages"))?;
+    Ok(Demonstrator {
+        task: playground.specification().name.clone(),
+        updates: last.updates,
+        environment_steps: last.environment_steps,
+        success: last.success,
+        finally: demonstrator::assess(playground, &last.policy, FINAL_EPISODES, seed)?,
+    })
 }
 
 fn write(path: &Path, recorded: &[Recorded]) -> Result<()> {
@@ -175,7 +315,7 @@ fn write(path: &Path, recorded: &[Recorded]) -> Result<()> {
     let episodes: Vec<Episode<'_>> = recorded
         .iter()
         .zip(&observations)
-        .map(|(Recorded { trajectory, states }, observations)| Episode {
+        .map(|(Recorded { trajectory, states, .. }, observations)| Episode {
             observations,
             actions: trajectory.actions(),
             states: states.as_ref().map(|log| States { qpos: &log.qpos, qvel: &log.qvel }),
@@ -186,33 +326,57 @@ fn write(path: &Path, recorded: &[Recorded]) -> Result<()> {
 }
 
 fn tell(provenance: &Provenance, unit: &str) -> String {
-    let origins = &provenance.demonstrations;
+    let mut said = table(&provenance.demonstrations, unit) + "\n";
+    said += &tell_of(&provenance.demonstrator, "The demonstrator", unit);
+    for guest in &provenance.guests {
+        said += &tell_of(guest, &format!("The guest of {}", guest.task), unit);
+    }
+    said
+}
+
+fn tell_of(
+    Demonstrator { updates, environment_steps, finally, .. }: &Demonstrator,
+    who: &str,
+    unit: &str,
+) -> String {
+    let Outcome { episodes, success, score, task_return } = finally;
+    let scale = Scale::of([*score], unit);
+    let success =
+        success.map_or(String::new(), |share| format!("it succeeds in {}, ", tables::percent(share)));
+    format!(
+        "{who} was done after {updates} updates on {environment_steps} environment steps.\n\
+         In {episodes} episodes after that {success}with a mean heuristic of {} and a mean return of {task_return:.1}.\n",
+        scale.with_unit(*score)
+    )
+}
+
+fn table(origins: &[Origin], unit: &str) -> String {
     let scale = Scale::of(origins.iter().flat_map(|origin| [origin.score, origin.stage_score]), unit);
     let titles = ["heuristic", "stage's mean"].map(|name| scale.title(name));
-    let header =
-        ["demonstration", "steps", &titles[0], "success", "recorded after", &titles[1], "stage's success"];
+    let several =
+        |differs: fn(&Origin, &Origin) -> bool| origins.iter().any(|origin| differs(origin, &origins[0]));
+    let (bodies, variants) = (several(|a, b| a.task != b.task), several(|a, b| a.variant != b.variant));
+    let mut header = vec!["demonstration"];
+    header.extend(bodies.then_some("task"));
+    header.extend(variants.then_some("variant"));
+    header.extend(["steps", &titles[0], "success", "recorded after", &titles[1], "stage's success"]);
     let success = |succeeded: bool| if succeeded { "yes" } else { "no" }.to_owned();
     let rows: Vec<Vec<String>> = origins
         .iter()
         .map(|origin| {
-            vec![
-                origin.demonstration.to_string(),
+            let mut row = vec![origin.demonstration.to_string()];
+            row.extend(bodies.then(|| origin.task.clone()));
+            row.extend(variants.then(|| origin.variant.to_string()));
+            row.extend([
                 origin.steps.to_string(),
                 scale.plain(origin.score),
                 origin.succeeded.map_or("-".to_owned(), success),
                 format!("{} updates", origin.updates),
                 scale.plain(origin.stage_score),
                 origin.stage_success.map_or("-".to_owned(), tables::percent),
-            ]
+            ]);
+            row
         })
         .collect();
-    let success = provenance.success.map_or(String::new(), |share| {
-        format!(" and succeeded in {} of its episodes", tables::percent(share))
-    });
-    format!(
-        "{}\nThe demonstrator was done after {} updates on {} environment steps{success}.\n",
-        tables::table(&header, &rows),
-        provenance.updates,
-        provenance.environment_steps
-    )
+    tables::table(&header, &rows)
 }
