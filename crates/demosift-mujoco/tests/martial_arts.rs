@@ -99,11 +99,10 @@ fn martial_arts_pays_a_hit_its_thousand_once_and_a_near_miss_more_than_standing(
     let task = registry::load("martial_arts").unwrap();
     let hit = (0..40).map(|seed| kick(&task, seed, 1.0)).find(|episode| episode.succeeded).unwrap();
     assert_eq!(hit.rewards.iter().filter(|reward| **reward > 999.0).count(), 1);
-    let first_half = |episode: &Episode| episode.rewards[..20].iter().sum::<f32>();
-    let standing = play(&task, 1, |_, _| ());
-    let weak = kick(&task, 1, 0.6);
-    assert!(!weak.succeeded);
-    assert!(first_half(&weak) > first_half(&standing) + 0.5);
+    let best_step = |episode: &Episode| episode.rewards.iter().copied().fold(0.0, f32::max);
+    let (standing, near_miss) = (play(&task, 1, |_, _| ()), kick(&task, 1, 0.8));
+    assert!(!near_miss.succeeded);
+    assert!(best_step(&near_miss) > 2.0 * best_step(&standing), "{}", best_step(&near_miss));
 }
 
 /// A.1: the minimum distance of right foot and target, negated, of those steps at which the head is higher than the pelvis.
@@ -125,7 +124,7 @@ fn a_foot_that_touches_the_target_with_the_head_below_the_pelvis_counts_for_noth
     let task = registry::load("martial_arts").unwrap();
     let mut environment = task.mujoco_environment().unwrap();
     let mut qpos = vec![0.0; 28];
-    let (x, y, z) = (0.6, -0.19, 0.9);
+    let (x, y, z) = (0.6, -0.01, 0.88);
     qpos[..7].copy_from_slice(&[x, y, z, 0.0, 0.0, 1.0, 0.0]);
     environment.set_state(&qpos, &[0.0; 27]).unwrap();
     let mut observation = vec![0.0; 55];
@@ -139,14 +138,18 @@ fn a_foot_that_touches_the_target_with_the_head_below_the_pelvis_counts_for_noth
     assert!(task.heuristic().score(&measurements) < farthest_kick - 1.0);
 }
 
+/// All angles are zero in the model as it is drawn: it stands upright.
 #[test]
-fn the_target_hangs_higher_than_the_head_and_out_of_reach_of_who_stands() {
+fn the_target_hangs_higher_than_the_head_of_who_stands() {
     let task = registry::load("martial_arts").unwrap();
     let model = task.model().mujoco();
-    let geom = |name| model.geom(name).unwrap().id;
-    let standing = model.body("pelvis").unwrap().view(model).pos[2] + 0.1 + 0.5 + 0.1;
-    let ball = model.body("target").unwrap().view(model).pos[2] - model.geom_size()[geom("target")][0];
-    assert!(ball > standing, "the ball begins at {ball} m, the head ends at {standing} m");
+    let body = |name| model.body(name).unwrap().view(model).pos[2];
+    let geom = |name| (model.geom(name).unwrap().view(model).pos[2], model.geom(name).unwrap().view(model).size[0]);
+    let (head, head_radius) = geom("head");
+    let crown = body("pelvis") + body("torso") + head + head_radius;
+    let (center, radius) = geom("target");
+    let lowest = body("target") + center - radius;
+    assert!(lowest > crown, "the ball begins at {lowest} m, the head ends at {crown} m");
 }
 
 #[test]
