@@ -58,6 +58,15 @@ const BUILT_IN: &[BuiltIn] = &[
         models: &[("penalty_save.xml", include_str!("../../../tasks/penalty_save/penalty_save.xml"))],
         shaping: Some(tasks::penalty_save::shaping),
     },
+    BuiltIn {
+        name: "martial_arts",
+        task_file: include_str!("../../../tasks/martial_arts/task.toml"),
+        models: &[
+            ("martial_arts.xml", include_str!("../../../tasks/martial_arts/martial_arts.xml")),
+            ("../humanoid/humanoid.xml", include_str!("../../../tasks/humanoid/humanoid.xml")),
+        ],
+        shaping: Some(tasks::martial_arts::shaping),
+    },
 ];
 
 /// Names of the tasks that come with demosift.
