@@ -7,17 +7,7 @@ use mujoco_rs::renderer::MjRenderer;
 use crate::environment::MujocoEnvironment;
 use crate::model::{Kind, LARGEST_PICTURE, Model};
 use crate::mujoco_task::MujocoTask;
-
-/// A picture, 8 bits a color.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Picture {
-    /// Pixels in a row.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// Red, green, blue of each pixel, row after row from the top; `[height · width · 3]`.
-    pub rgb: Vec<u8>,
-}
+use crate::picture::Picture;
 
 /// Looks at environments of one task through one camera; must stay on the thread that made it.
 pub struct Viewpoint {

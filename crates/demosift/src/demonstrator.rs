@@ -12,9 +12,9 @@ use crate::heuristic::Score;
 use crate::observation_filter::Moments;
 use crate::observer::{Event, Observer};
 use crate::policy::{Policy, PolicyShape};
-use crate::rollout::{self, Acting, Playground, StateLog};
+use crate::rollout::{self, Acting, Playground};
 use crate::seed::Seed;
-use crate::trajectory::Trajectory;
+use crate::trajectory::{StateLog, Trajectory};
 use crate::trpo::{self, TrustRegion};
 
 /// How a demonstrator is trained.

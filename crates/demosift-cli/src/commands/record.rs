@@ -191,7 +191,6 @@ fn tell(provenance: &Provenance, unit: &str) -> String {
     let titles = ["heuristic", "stage's mean"].map(|name| scale.title(name));
     let header =
         ["demonstration", "steps", &titles[0], "success", "recorded after", &titles[1], "stage's success"];
-    let success = |succeeded: bool| if succeeded { "yes" } else { "no" }.to_owned();
     let rows: Vec<Vec<String>> = origins
         .iter()
         .map(|origin| {
@@ -199,7 +198,7 @@ fn tell(provenance: &Provenance, unit: &str) -> String {
                 origin.demonstration.to_string(),
                 origin.steps.to_string(),
                 scale.plain(origin.score),
-                origin.succeeded.map_or("-".to_owned(), success),
+                origin.succeeded.map_or("-".to_owned(), tables::yes_or_no),
                 format!("{} updates", origin.updates),
                 scale.plain(origin.stage_score),
                 origin.stage_success.map_or("-".to_owned(), tables::percent),
