@@ -80,13 +80,16 @@ pub fn film(
     let total = plans.iter().map(Plan::pictures).sum();
     observer.on(Event::Started { stage: STAGE, done: 0, total });
     let (mut done, mut rows, mut clip) = (0, Vec::new(), Animation::new());
+    let text_width = viewpoint.width().saturating_sub(2 * MARGIN);
+    let labels: Vec<_> = takes.iter().map(|take| wrapped(&take.label, text_width)).collect();
+    let most_lines = labels.iter().map(Vec::len).max().unwrap_or(0);
     for (number, (take, plan)) in takes.iter().zip(&plans).enumerate() {
         let mut replay = Replay::new(task, take.states, take.steps)?;
         let mut row = Vec::new();
         for step in (0..take.steps).filter(|step| plan.shows(*step)) {
             let picture = viewpoint.picture(replay.at(step)?)?;
             if let Some(shown_secs) = plan.in_clip(step) {
-                clip.show(&labeled(&picture, &take.label), shown_secs)?;
+                clip.show(&labeled(&picture, &labels[number], most_lines), shown_secs)?;
             }
             if plan.frames {
                 keep(Film::Frame { take: number, step, png: picture.to_png()? })?;
@@ -145,12 +148,28 @@ fn moments(steps: usize, count: usize) -> Vec<usize> {
     (0..count).map(|moment| (last * moment * 2 + (count - 1)) / (2 * (count - 1)).max(1)).collect()
 }
 
-/// A picture with a line of text above it.
-fn labeled(picture: &Picture, label: &str) -> Picture {
-    let mut paper = Picture::blank(picture.width, picture.height + TEXT_HEIGHT + 2 * MARGIN);
-    paper.write(label, MARGIN, MARGIN);
-    paper.paste(picture, 0, TEXT_HEIGHT + 2 * MARGIN);
+/// A picture with some lines of text above it, in a place for `most` lines.
+fn labeled(picture: &Picture, lines: &[String], most: usize) -> Picture {
+    let above = most * TEXT_HEIGHT + 2 * MARGIN;
+    let mut paper = Picture::blank(picture.width, picture.height + above);
+    for (place, line) in lines.iter().enumerate() {
+        paper.write(line, MARGIN, MARGIN + place * TEXT_HEIGHT);
+    }
+    paper.paste(picture, 0, above);
     paper
+}
+
+/// The text in lines that fit a width; a word that is too long for it gets a line of its own.
+fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split(' ') {
+        let longer = lines.last().map(|line| format!("{line} {word}"));
+        match (lines.last_mut(), longer) {
+            (Some(line), Some(longer)) if text_width(&longer) <= width => *line = longer,
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
 }
 
 /// Rows of pictures, each row with its label above and each picture with its time below.
@@ -210,6 +229,13 @@ mod tests {
         assert_eq!(Plan::of(60, nothing, 0.025).pictures(), 0);
         assert_eq!(Plan::of(60, Wanted { sheet: Some(6), ..nothing }, 0.025).pictures(), 6);
         assert_eq!(Plan::of(60, Wanted { frames: true, sheet: Some(6), clip: true }, 0.025).pictures(), 60);
+    }
+
+    #[test]
+    fn a_label_is_broken_between_words_where_it_is_too_wide() {
+        let width = text_width("episode 3:");
+        assert_eq!(wrapped("episode 3: -0.5 m, no success", width), ["episode 3:", "-0.5 m, no", "success"]);
+        assert_eq!(wrapped("demonstration 4", 1), ["demonstration", "4"]);
     }
 
     /// A sheet of two rows of one-colored pictures: what is where.

@@ -42,6 +42,11 @@ impl Viewpoint {
         Ok(Self { renderer, model: task.model().clone(), width, height })
     }
 
+    /// Pixels in a row of its pictures.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
     /// A picture of the environment as it is now.
     ///
     /// # Errors
