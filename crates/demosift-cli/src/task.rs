@@ -5,6 +5,7 @@ use std::path::Path;
 use demosift::environment::Task;
 use demosift::point_mass::PointMass;
 use demosift::{Error, Result, files};
+use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
 
 use crate::configuration::Layer;
@@ -27,6 +28,8 @@ const BUILT_IN_VALUES: [(&str, &str); 7] = [
 /// A task with what a run needs to know about where it comes from.
 pub(crate) struct Chosen {
     pub(crate) task: Box<dyn Task>,
+    /// The same, where it is one in MuJoCo: such a task can be replayed and looked at.
+    pub(crate) mujoco: Option<MujocoTask>,
     /// As `--task` takes it, from any working directory.
     pub(crate) name: String,
     /// Hash of the files of a user's own task.
@@ -42,15 +45,29 @@ pub(crate) fn names() -> Vec<&'static str> {
 
 /// The task that `--task` names.
 pub(crate) fn choose(name_or_path: &str) -> Result<Chosen> {
-    let task: Box<dyn Task> = match name_or_path {
-        POINT_MASS => Box::new(PointMass::new()),
-        known if registry::names().contains(&known) => Box::new(registry::load(known)?),
+    let mujoco = match name_or_path {
+        POINT_MASS => None,
+        known if registry::names().contains(&known) => Some(registry::load(known)?),
         path if Path::new(path).exists() => return users_own(Path::new(path)),
         other => return Err(unknown(other)),
     };
     let text = BUILT_IN_VALUES.iter().find(|(name, _)| *name == name_or_path).map_or("", |(_, text)| text);
     let values = Layer::from_text(&format!("configs/{name_or_path}.toml"), text)?;
-    Ok(Chosen { task, name: name_or_path.to_owned(), sha256: None, values })
+    Ok(Chosen {
+        task: playable(mujoco.as_ref()),
+        mujoco,
+        name: name_or_path.to_owned(),
+        sha256: None,
+        values,
+    })
+}
+
+/// The task as those see it who only play it; the one task without MuJoCo is the point mass.
+fn playable(mujoco: Option<&MujocoTask>) -> Box<dyn Task> {
+    match mujoco {
+        Some(task) => Box::new(task.clone()),
+        None => Box::new(PointMass::new()),
+    }
 }
 
 /// A task of the user's own: a `task.toml`, or the folder that holds one, and perhaps values of its own beside it.
@@ -66,12 +83,9 @@ fn users_own(path: &Path) -> Result<Chosen> {
     } else {
         Layer::from_text(VALUES_FILE, "")?
     };
-    Ok(Chosen {
-        task: Box::new(task),
-        name: name.to_owned(),
-        sha256: Some(hash_of(folder, &absolute)?),
-        values,
-    })
+    let mujoco = Some(task);
+    let sha256 = Some(hash_of(folder, &absolute)?);
+    Ok(Chosen { task: playable(mujoco.as_ref()), mujoco, name: name.to_owned(), sha256, values })
 }
 
 /// Hash of the task file, of all that lies beside it, and of what its model includes from other folders.

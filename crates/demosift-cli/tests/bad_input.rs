@@ -4,7 +4,10 @@
 
 mod support;
 
+use demosift::artifact;
 use demosift::demonstration::d4rl::{self, Episode};
+use demosift::observation_filter::ObservationFilter;
+use demosift::policy::{Policy, PolicyShape};
 use demosift::rows::Rows;
 use hdf5_pure::FileBuilder;
 use support::Scratch;
@@ -263,6 +266,97 @@ fn a_folder_that_is_no_run() {
     );
     complaint(&scratch, &format!("{job} --out tiny.toml"), &["is a file", "tiny.toml"]);
     assert_eq!(scratch.files("set").len(), 1);
+}
+
+/// `policy.safetensors`, for the point mass.
+fn write_policy(scratch: &Scratch) {
+    let shape = PolicyShape { hidden: vec![4], initial_std: 0.5 };
+    let policy = Policy::untrained(&shape, ObservationFilter::identity(4), 2, demosift::seed::Seed::new(1));
+    std::fs::write(scratch.0.join("policy.safetensors"), artifact::write_policy(&policy)).unwrap();
+}
+
+#[test]
+fn policies_that_are_none() {
+    let scratch = Scratch::new("play-policy");
+    write_policy(&scratch);
+    let play = "play --task point_mass --policy";
+    refuses(
+        &scratch,
+        &format!("{play} none.safetensors"),
+        &["does not exist", "none.safetensors", "\nhint: "],
+    );
+    refuses(&scratch, &format!("{play} tiny.toml"), &["not a safetensors file", "tiny.toml"]);
+    let whole = std::fs::read(scratch.0.join("policy.safetensors")).unwrap();
+    std::fs::write(scratch.0.join("half.safetensors"), &whole[..whole.len() / 2]).unwrap();
+    refuses(&scratch, &format!("{play} half.safetensors"), &["not a safetensors file", "half.safetensors"]);
+    refuses(
+        &scratch,
+        "play --task half_cheetah --policy policy.safetensors",
+        &["4 observations to 2 actions", "'half_cheetah' has 17 and 6", "policy.safetensors"],
+    );
+    refuses(&scratch, &format!("{play} policy.safetensors --episodes 0"), &["--episodes 0", "at least 1"]);
+    refuses(&scratch, &format!("{play} policy.safetensors --variant left"), &["--variant left", "has: east"]);
+    refuses(
+        &scratch,
+        "play --task tennis --policy policy.safetensors",
+        &["'tennis'", "point_mass, free_throw"],
+    );
+}
+
+#[test]
+fn replays_that_cannot_be() {
+    let scratch = Scratch::new("play-replay");
+    refuses(&scratch, "play --task point_mass --data set", &["'point_mass' has no MuJoCo model", "\nhint: "]);
+    refuses(
+        &scratch,
+        "play --task half_cheetah --data set",
+        &["no states of the simulator, 'infos/qpos' and 'infos/qvel'", "set/demonstrations.hdf5", "\nhint: "],
+    );
+    let throws = support::in_repository("data/free_throw_8");
+    let replay = format!("play --data {} --task", throws.display());
+    refuses(&scratch, &format!("{replay} free_throw --demonstration 0,8"), &["--demonstration 8", "0 to 7"]);
+    refuses(
+        &scratch,
+        &format!("{replay} half_cheetah"),
+        &["demonstration 0", "'half_cheetah' takes", "of 6 numbers", "demonstrations.hdf5"],
+    );
+    refuses(&scratch, "play --task half_cheetah --data none.hdf5", &["does not exist", "none.hdf5"]);
+    refuses(&scratch, "play --task half_cheetah", &["--policy <FILE>|--data <SET>"]);
+    refuses(&scratch, "play --task half_cheetah --data set --policy tiny.toml", &["cannot be used with"]);
+    refuses(&scratch, "play --task half_cheetah --data set --seed 3", &["--seed", "cannot be used with"]);
+}
+
+#[test]
+fn pictures_that_cannot_be_taken() {
+    let scratch = Scratch::new("play-pictures");
+    write_policy(&scratch);
+    let throws = support::in_repository("data/free_throw_8");
+    let play = "play --task point_mass --policy policy.safetensors";
+    refuses(
+        &scratch,
+        &format!("{play} --sheet --out run"),
+        &["'point_mass' has no MuJoCo model", "\nhint: "],
+    );
+    refuses(
+        &scratch,
+        &format!("{play} --out run"),
+        &["nothing is to be written", "run\n", "\nhint: ", "--sheet"],
+    );
+    let play = format!("play --task free_throw --data {} --demonstration 1", throws.display());
+    let wanted = ["no camera is called 'roof'", "side, oblique, front"];
+    refuses(&scratch, &format!("{play} --sheet --camera roof --out run"), &wanted);
+    refuses(&scratch, &format!("{play} --sheet --size 320 --out run"), &["--size", "such as 320x240"]);
+    refuses(
+        &scratch,
+        &format!("{play} --sheet --size 0x240 --out run"),
+        &["0 x 240", "from 1 x 1 to 1920 x 1080"],
+    );
+    refuses(&scratch, &format!("{play} --sheet --moments 0 --out run"), &["--moments 0", "at least 1"]);
+    refuses(&scratch, &format!("{play} --sheet --out set"), &["holds other files", "set\n", "\nhint: "]);
+    refuses(&scratch, &format!("{play} --sheet --out tiny.toml"), &["is a file", "tiny.toml"]);
+    let left: Vec<_> =
+        std::fs::read_dir(&scratch.0).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left.len(), 3, "{left:?}");
 }
 
 /// The device that is always full stands in for a disk; the bytes of a noun wait under this name.

@@ -3,6 +3,7 @@
 //! The flow: [`registry::load`] finds the two files, [`mujoco_task::MujocoTask`] resolves every name in them once,
 //! and each worker plays on a [`environment::MujocoEnvironment`] of its own.
 //! No algorithm is known here.
+//! Recorded states go the other way: [`replay`] measures them, and [`render`] and [`film`] make them into pictures.
 //!
 //! # A task of your own
 //!
@@ -65,15 +66,18 @@
 //! ```
 
 pub mod environment;
+pub mod film;
 mod heuristic_fold;
 mod include;
 mod measurement;
 pub mod model;
 pub mod mujoco_task;
 mod observation;
+pub mod picture;
 mod quiet;
 pub mod registry;
 pub mod render;
+pub mod replay;
 mod reset;
 pub mod reward;
 mod task_file;

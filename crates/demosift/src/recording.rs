@@ -10,9 +10,9 @@ use crate::demonstrator::Stage;
 use crate::environment::{EnvVariant, Specification};
 use crate::error::{Error, Result};
 use crate::heuristic::Score;
-use crate::rollout::{self, Acting, Playground, StateLog};
+use crate::rollout::{self, Acting, Playground};
 use crate::seed::Seed;
-use crate::trajectory::Trajectory;
+use crate::trajectory::{StateLog, Trajectory};
 
 /// One demonstrator's part in a set: an episode each of these stages, the worst first.
 pub struct Part<'p, 't> {

@@ -90,6 +90,11 @@ impl Drop for Scratch {
     }
 }
 
+/// A file that the repository carries.
+pub(crate) fn in_repository(path: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").join(path)
+}
+
 /// Two folders hold the same files, byte for byte.
 #[track_caller]
 pub(crate) fn assert_same_files(left: &BTreeMap<String, Vec<u8>>, right: &BTreeMap<String, Vec<u8>>) {
