@@ -10,7 +10,7 @@
 //!
 //! ```toml
 //! name = "reach"
-//! model = "arm.xml"         # beside this file
+//! model = "arm.xml"         # beside this file; it may include files, from other folders too
 //! camera = "front"          # optional: the one that shows the task best
 //! frame_skip = 5            # steps of the physics in a control step
 //! horizon = 100             # control steps in an episode, always
@@ -45,7 +45,7 @@
 //! lands = { contact = ["hand", "floor"] }             # 1 while geoms (or geoms of bodies) touch, else 0
 //!
 //! [heuristic]                          # of the T+1 rows of measurements; the one after the reset is the first
-//! fold = "min"                         # last_minus_first, min, max, sum, mean, last
+//! fold = "min"                         # last_minus_first, min, max, sum, mean, last, count (of rows: without `of`)
 //! of = "reach"                         # or [several], which are added up
 //! negate = true                        # higher must be better
 //! unit = "m"
@@ -66,6 +66,7 @@
 
 pub mod environment;
 mod heuristic_fold;
+mod include;
 mod measurement;
 pub mod model;
 pub mod mujoco_task;
