@@ -144,7 +144,8 @@ fn the_target_hangs_higher_than_the_head_of_who_stands() {
     let task = registry::load("martial_arts").unwrap();
     let model = task.model().mujoco();
     let body = |name| model.body(name).unwrap().view(model).pos[2];
-    let geom = |name| (model.geom(name).unwrap().view(model).pos[2], model.geom(name).unwrap().view(model).size[0]);
+    let geom =
+        |name| (model.geom(name).unwrap().view(model).pos[2], model.geom(name).unwrap().view(model).size[0]);
     let (head, head_radius) = geom("head");
     let crown = body("pelvis") + body("torso") + head + head_radius;
     let (center, radius) = geom("target");
