@@ -82,6 +82,21 @@ fn the_free_throws_are_whole_and_their_origin_stands_apart() {
 }
 
 #[test]
+fn the_martial_arts_sets_are_whole_and_share_no_demonstration() {
+    let mut starts = Vec::new();
+    for (name, count) in [("martial_arts_10", 10), ("martial_arts_100", 100), ("martial_arts_unseen", 20)] {
+        let set = d4rl::read(&in_repository("data").join(name).join("demonstrations.hdf5")).unwrap();
+        assert_eq!((set.len(), set.observation_size(), set.action_size()), (count, 55, 21));
+        assert!(set.iter().all(|(_, demonstration)| demonstration.steps() == 60));
+        assert!(in_repository("data/provenance").join(name).with_extension("json").exists());
+        starts.extend(set.iter().map(|(_, demonstration)| demonstration.observations().row(0).to_vec()));
+    }
+    // The noise of the reset tells any two episodes apart.
+    starts.sort_by(|a, b| a.partial_cmp(b).unwrap());
+    assert!(starts.windows(2).all(|pair| pair[0] != pair[1]));
+}
+
+#[test]
 fn the_public_half_cheetah_set_is_judged() {
     let set = in_repository("../shared/data/half_cheetah_noisy/half_cheetah_noisy.hdf5");
     if !set.exists() {
