@@ -54,7 +54,7 @@ pub struct PosteriorFitting {
     pub batch: usize,
 }
 
-/// Which actions of the trajectory before the update are credited with its R_MI.
+/// Which actions of a trajectory are credited with its R_MI.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Credit {
@@ -62,6 +62,18 @@ pub enum Credit {
     Trajectory,
     /// The first one, as Eq. 5 reads.
     FirstAction,
+}
+
+/// Which trajectories of a pair are paid R_MI, and so which policy's gradient it is.
+///
+/// The paper has both: Eq. 7 takes the gradient on the old trajectories, line 14 of Algorithm 1 writes ∇L_MI(f_θ'_i).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Paid {
+    /// Those before the update: ∇_θ E_τ~f_θ[log Q] (Eq. 7).
+    Before,
+    /// Those after the update: ∇_θ' E_τ'~f_θ'[log Q] (Algorithm 1, line 14 as written).
+    After,
 }
 
 /// What was done before and after imitating one demonstration, and that demonstration's encoding.
@@ -111,18 +123,22 @@ pub fn fit(
     Ok(fitted.with_squared_error(errors.iter().sum::<f64>() / errors.len() as f64))
 }
 
-/// Line 13, Eq. 5: R_MI = +log Q(v_i | Δπ) of each trajectory before the update, `[before]`, over all trajectories after it.
+/// Line 13, Eq. 5: R_MI = +log Q(v_i | Δπ) of each trajectory that is paid, `[before]` or `[after]`.
 ///
-/// Each is paired with all of the others', since what is paid to it should not depend on the luck of one of them.
+/// Each is paired with all trajectories of the other side, since what is paid to it should not hang on the luck of one.
 pub fn information_rewards(
     posterior: &Posterior,
-    before: &States,
-    after: &States,
+    (before, after): (&States, &States),
     encoding: f32,
+    paid: Paid,
 ) -> Vec<f64> {
     let predicted = posterior.predict(before, after, &all_pairs(before.len(), after.len()));
-    let log_densities = |row: &[f32]| row.iter().map(|mu| posterior.log_density(encoding, *mu)).sum::<f64>();
-    predicted.chunks_exact(after.len()).map(|row| log_densities(row) / after.len() as f64).collect()
+    let log_density = |i: usize, k: usize| posterior.log_density(encoding, predicted[i * after.len() + k]);
+    let mean = |count: usize, of: &dyn Fn(usize) -> f64| (0..count).map(of).sum::<f64>() / count as f64;
+    match paid {
+        Paid::Before => (0..before.len()).map(|i| mean(after.len(), &|k| log_density(i, k))).collect(),
+        Paid::After => (0..after.len()).map(|k| mean(before.len(), &|i| log_density(i, k))).collect(),
+    }
 }
 
 /// E[(μ − c)²] over all pairs of trajectories.

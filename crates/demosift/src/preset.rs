@@ -7,7 +7,7 @@ use crate::gail::Fitting;
 use crate::imitate::Imitation;
 use crate::judge::Judging;
 use crate::meta_train::{MetaTraining, MutualInformation};
-use crate::mutual_information::{Credit, PosteriorFitting};
+use crate::mutual_information::{Credit, Paid, PosteriorFitting};
 use crate::policy::PolicyShape;
 use crate::rollout::Acting;
 use crate::trpo::TrustRegion;
@@ -45,6 +45,7 @@ impl Preset {
             },
             mutual_information: MutualInformation {
                 enabled: false,
+                paid: Paid::Before,
                 credit: Credit::Trajectory,
                 batch_steps: self.by(1000, 1000, 2000),
                 posterior: PosteriorFitting {

@@ -8,8 +8,8 @@
 //! | 13: compute R_MI_i with Q on the new trajectories as (5) | [`mutual_information::information_rewards`] in [`inform`] |
 //! | 14: θ''_i = θ'_i − α∇L_MI_i(f_θ) with TRPO as (7) | [`inform`] |
 //!
-//! The box writes ∇L_MI_i(f_θ'_i) in line 14; Eq. 7 takes the gradient on the old trajectories, at θ, and applies it to
-//! θ'_i, and so do we.
+//! Eq. 7 takes the gradient on the old trajectories, at θ, and applies it to θ'_i, and so do we by default.
+//! The box writes ∇L_MI_i(f_θ'_i) in line 14, which [`Paid::After`] does: the gradient at θ'_i on its own trajectories.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -20,9 +20,11 @@ use crate::demonstration::DemonstrationSet;
 use crate::environment::EnvVariant;
 use crate::error::Result;
 use crate::mutual_information::{
-    self, Change, Credit, Posterior, PosteriorFitting, Sequences, States, advantages, information_rewards,
+    self, Change, Credit, Paid, Posterior, PosteriorFitting, Sequences, States, advantages,
+    information_rewards,
 };
 use crate::nn::adam::Adam;
+use crate::policy::Policy;
 use crate::rollout::{self, Acting};
 use crate::seed::Seed;
 use crate::trpo::{self, TrustRegion};
@@ -33,7 +35,9 @@ use crate::trpo::{self, TrustRegion};
 pub struct MutualInformation {
     /// Whether they are; otherwise meta-training is plain MAML.
     pub enabled: bool,
-    /// Which actions are credited (§4.2 reads as the first one; see reading 3 in `docs/paper.md`).
+    /// Which trajectories are paid (Eq. 7: those before the update).
+    pub paid: Paid,
+    /// Which of their actions are credited (§4.2 reads as the first one; see reading 3 in `docs/paper.md`).
     pub credit: Credit,
     /// K of lines 10 and 12, as environment steps: whole episodes are played until there are this many; not in the paper.
     pub batch_steps: usize,
@@ -79,6 +83,8 @@ pub(super) struct Report {
     pub(super) std: f64,
     /// Mean KL divergence that the steps reached.
     pub(super) kl: f64,
+    /// Mean cosine between the step of line 14 and that of line 8, in parameters: below 0, the one undoes the other.
+    pub(super) alignment: f64,
     /// Environment steps that were played for this.
     pub(super) environment_steps: usize,
 }
@@ -123,17 +129,26 @@ pub(super) fn regularize(
         .zip(&new_after)
         .map(|(imitator, after)| {
             let place = place(&new_before, imitator.variant);
-            let old = (&new_before[place].1, &states[place]);
-            inform(round, old, &posterior.read(&read(after)), (posterior, encoding(imitator)), how)
+            let states = (&states[place], &posterior.read(&read(after)));
+            let paid = match how.paid {
+                Paid::Before => (&round.prior.policy, &new_before[place].1),
+                Paid::After => (&imitator.adapted.policy, after),
+            };
+            inform(round, paid, states, (posterior, encoding(imitator)), how)
         })
         .collect::<Result<_>>()?;
+    let alignments = imitators.iter().zip(&moved).map(|(imitator, moved)| {
+        let imitated = imitator.adapted.policy.parameters().iter().zip(round.prior.policy.parameters());
+        cosine(&imitated.map(|(there, here)| there - here).collect::<Vec<f32>>(), &moved.displacement)
+    });
+    let alignment = alignments.sum::<f64>() / moved.len() as f64;
     for (imitator, moved) in imitators.iter_mut().zip(&moved) {
         imitator.adapted.policy = imitator.adapted.policy.moved(&moved.displacement);
     }
     let drawn: Vec<f32> = imitators.iter().map(encoding).collect();
     let played = after.iter().chain(&new_after).chain(new_before.iter().map(|(_, played)| played));
     let environment_steps = played.map(|played| played.observations.len()).sum();
-    Ok(Report::new(&moved, &drawn, posterior.std(), environment_steps))
+    Ok(Report { alignment, environment_steps, ..Report::new(&moved, &drawn, posterior.std()) })
 }
 
 /// Lines 10 and 12: what each adapted policy does, with random numbers that all demonstrations share.
@@ -160,28 +175,29 @@ struct Informed {
     squared_error: f64,
 }
 
-/// Lines 13 and 14 for one demonstration: −α∇L_MI(f_θ), with TRPO, on the old trajectories.
+/// Lines 13 and 14 for one demonstration: −α∇L_MI with TRPO, on the trajectories that are paid.
 fn inform(
     round: &Round<'_>,
-    (old, before): (&Played, &States),
-    after: &States,
+    (policy, paid): (&Policy, &Played),
+    states: (&States, &States),
     (posterior, encoding): (&Posterior, f32),
     how: &MutualInformation,
 ) -> Result<Informed> {
-    let rewards = information_rewards(posterior, before, after, encoding);
-    let advantages = advantages(&rewards, &old.lengths, how.credit);
-    let experiences = old.experiences(&round.prior.policy, &advantages, 1.0);
-    let step = trpo::step(&experiences, &how.trust_region, round.inner.alpha(0))?;
+    let rewards = information_rewards(posterior, states, encoding, how.paid);
+    let advantages = advantages(&rewards, &paid.lengths, how.credit);
+    let step =
+        trpo::step(&paid.experiences(policy, &advantages, 1.0), &how.trust_region, round.inner.alpha(0))?;
     Ok(Informed {
         displacement: step.displacement,
         kl: step.kl,
         log_q: rewards.iter().sum::<f64>() / rewards.len() as f64,
-        squared_error: mutual_information::mean_squared_error(posterior, before, after, encoding),
+        squared_error: mutual_information::mean_squared_error(posterior, states.0, states.1, encoding),
     })
 }
 
 impl Report {
-    fn new(informed: &[Informed], encodings: &[f32], std: f64, environment_steps: usize) -> Self {
+    /// All but what needs the round.
+    fn new(informed: &[Informed], encodings: &[f32], std: f64) -> Self {
         let count = informed.len() as f64;
         let mean = |value: &dyn Fn(&Informed) -> f64| informed.iter().map(value).sum::<f64>() / count;
         let center = encodings.iter().map(|c| f64::from(*c)).sum::<f64>() / count;
@@ -194,9 +210,17 @@ impl Report {
             },
             std,
             kl: mean(&|informed| informed.kl),
-            environment_steps,
+            alignment: 0.0,
+            environment_steps: 0,
         }
     }
+}
+
+/// a · b / (|a| |b|), 0 where one of them is 0.
+fn cosine(a: &[f32], b: &[f32]) -> f64 {
+    let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>();
+    let lengths = (dot(a, a) * dot(b, b)).sqrt();
+    if lengths > 0.0 { dot(a, b) / lengths } else { 0.0 }
 }
 
 fn place(before: &[Before], variant: EnvVariant) -> usize {

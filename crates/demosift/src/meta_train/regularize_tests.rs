@@ -78,8 +78,18 @@ fn log_probabilities(policy: &Policy, displacement: &[f64], observations: &Rows,
 /// step is small all the same.
 #[test]
 fn eq_6_eq_7_the_gradient_on_the_old_trajectories_moves_the_adapted_policy() {
+    moves_along_the_gradient(Paid::Before);
+}
+
+/// The same at θ'_i on its own trajectories.
+#[test]
+fn algorithm_1_line_14_as_written_takes_the_gradient_at_the_adapted_policy() {
+    moves_along_the_gradient(Paid::After);
+}
+
+fn moves_along_the_gradient(paid: Paid) {
     let region = TrustRegion { max_kl: 1.0, damping: 1e6, ..TrustRegion::default() };
-    let how = MutualInformation { trust_region: region, ..information() };
+    let how = MutualInformation { trust_region: region, paid, ..information() };
     let scene = scene(&how, 1);
     // The held-out trajectories, played again.
     let task = PointMass::new();
@@ -97,10 +107,14 @@ fn eq_6_eq_7_the_gradient_on_the_old_trajectories_moves_the_adapted_policy() {
     for (demo, (adapted, informed)) in scene.adapted.iter().zip(&scene.informed).enumerate() {
         let new = play(adapted, "inform_held_out");
         let (states, after) = (posterior.read(&read(&old)), posterior.read(&read(&new)));
-        let rewards = information_rewards(posterior, &states, &after, scene.encodings[demo]);
+        let rewards = information_rewards(posterior, (&states, &after), scene.encodings[demo], how.paid);
         let mean = rewards.iter().sum::<f64>() / rewards.len() as f64;
         let objective = |displacement: &[f64]| {
-            let of = |by: &[f64]| log_probabilities(&scene.prior.policy, by, &old.observations, &old.actions);
+            let (policy, played) = match paid {
+                Paid::Before => (&scene.prior.policy, &old),
+                Paid::After => (adapted, &new),
+            };
+            let of = |by: &[f64]| log_probabilities(policy, by, &played.observations, &played.actions);
             let zeros = vec![0.0; displacement.len()];
             let ratios: Vec<f64> =
                 of(displacement).iter().zip(of(&zeros)).map(|(new, old)| new - old).collect();

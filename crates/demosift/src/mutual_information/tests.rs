@@ -76,7 +76,12 @@ fn eq_4_the_bound_is_nearly_tight_on_a_channel_that_is_known() {
     let fitted = fit(&posterior, &changes, &fitting, &mut adam, Seed::new(3)).expect("finite numbers");
     let log_q = |posterior: &Posterior| {
         let of = |(c, (before, after)): (&f32, &(Sequences, Sequences))| {
-            let rewards = information_rewards(posterior, &posterior.read(before), &posterior.read(after), *c);
+            let rewards = information_rewards(
+                posterior,
+                (&posterior.read(before), &posterior.read(after)),
+                *c,
+                Paid::Before,
+            );
             rewards.iter().sum::<f64>() / rewards.len() as f64
         };
         encodings.iter().zip(&held_out).map(of).sum::<f64>() / encodings.len() as f64
@@ -106,7 +111,7 @@ fn eq_5_the_reward_is_the_log_density_of_held_out_pairs() {
     let mut adam = Adam::new(posterior.parameters().len());
     let fitted = fit(&posterior, &changes, &fitting(), &mut adam, Seed::new(3)).expect("finite numbers");
     let (before_states, after_states) = (fitted.read(&before), fitted.read(&after[2]));
-    let rewards = information_rewards(&fitted, &before_states, &after_states, 1.0);
+    let rewards = information_rewards(&fitted, (&before_states, &after_states), 1.0, Paid::Before);
     let mut squared_errors = Vec::new();
     for (i, reward) in rewards.iter().enumerate() {
         let mut sum = 0.0;
@@ -130,11 +135,23 @@ fn eq_5_the_reward_is_the_log_density_of_held_out_pairs() {
         }
         assert!((reward - sum / after[2].len() as f64).abs() < 1e-4, "{reward}");
     }
+    // Paid to the trajectories after, the same log densities are shared out by columns.
+    let columns = information_rewards(&fitted, (&before_states, &after_states), 1.0, Paid::After);
+    let variance = fitted.std() * fitted.std();
+    for (k, reward) in columns.iter().enumerate() {
+        let errors = squared_errors.iter().skip(k).step_by(after[2].len());
+        let log_densities = errors
+            .map(|error| -error / (2.0 * variance) - 0.5 * (2.0 * std::f64::consts::PI * variance).ln());
+        assert!((reward - log_densities.sum::<f64>() / before.len() as f64).abs() < 1e-4, "{reward}");
+    }
     let mean = squared_errors.iter().sum::<f64>() / squared_errors.len() as f64;
     assert!((mean_squared_error(&fitted, &before_states, &after_states, 1.0) - mean).abs() < 1e-5);
     // What changed by 1 is better explained by the demonstration with encoding 1 than by the others.
-    let paid =
-        |encoding| information_rewards(&fitted, &before_states, &after_states, encoding).iter().sum::<f64>();
+    let paid = |encoding| {
+        information_rewards(&fitted, (&before_states, &after_states), encoding, Paid::After)
+            .iter()
+            .sum::<f64>()
+    };
     assert!(paid(1.0) > paid(0.0) && paid(0.0) > paid(-1.0));
 }
 
@@ -143,7 +160,7 @@ fn eq_5_the_reward_is_the_log_density_of_held_out_pairs() {
 fn eq_5_a_posterior_that_knows_nothing_pays_the_standard_normal_density() {
     let posterior = Posterior::untrained(1, 4, 3, Seed::new(1));
     let states = posterior.read(&level(0.3, 1.0, 3, Seed::new(2)));
-    let rewards = information_rewards(&posterior, &states, &states, 1.5);
+    let rewards = information_rewards(&posterior, (&states, &states), 1.5, Paid::After);
     assert_eq!(rewards.len(), 3);
     assert!(rewards.iter().all(|reward| (reward + 1.125 + 0.918_938_533).abs() < 1e-6), "{rewards:?}");
 }
