@@ -115,3 +115,33 @@ fn unknown(name: &str) -> Error {
     Error::bad_input(format!("no task is called '{name}'; there are: {}", names().join(", ")))
         .with_hint("or give the path of a folder that holds a task.toml")
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    const TASK: &str = "name = 'cart'\nmodel = 'cart.xml'\nframe_skip = 1\nhorizon = 2\nobservation = ['phase']\n\
+        measurements = { x = { qpos = 'slider' } }\nheuristic = { fold = 'max', of = 'x' }\n";
+    const CART: &str = "<mujocoinclude><worldbody><body name='cart'><joint name='slider' type='slide'/>\
+        <geom name='box' size='0.1'/></body></worldbody>\
+        <actuator><motor name='push' joint='slider' ctrlrange='-1 1'/></actuator></mujocoinclude>";
+
+    #[test]
+    fn the_hash_counts_what_a_model_includes_from_another_folder() {
+        let root = std::env::temp_dir().join(format!("demosift-task-hash-{}", std::process::id()));
+        let (task, robot) = (root.join("task"), root.join("robot"));
+        [&task, &robot].into_iter().for_each(|folder| std::fs::create_dir_all(folder).unwrap());
+        std::fs::write(task.join("task.toml"), TASK).unwrap();
+        std::fs::write(task.join("cart.xml"), "<mujoco><include file='../robot/cart.xml'/></mujoco>")
+            .unwrap();
+        let hash_with = |cart: String| {
+            std::fs::write(robot.join("cart.xml"), cart).unwrap();
+            choose(task.to_str().unwrap()).unwrap().sha256.unwrap()
+        };
+        let before = hash_with(CART.to_owned());
+        assert_ne!(before, hash_with(CART.replace("0.1", "0.2")));
+        assert_eq!(before, hash_with(CART.to_owned()));
+        std::fs::remove_dir_all(&root).unwrap();
+    }
+}
