@@ -128,3 +128,57 @@ fn predicted_miss(ball: &Flight, keeper: &Flight) -> f64 {
     let ([keeper_y, _], [_, keeper_z]) = (keeper.after(secs.min(GLIDE_SECS)), keeper.after(secs));
     (y - keeper_y).hypot(z - keeper_z)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn flight(position: [f64; 3], velocity: [f64; 3], lowest: f64) -> Flight {
+        Flight { position, velocity, lowest }
+    }
+
+    /// Where something is after it flew in small steps; on the ground it slides.
+    fn by_flying(mut at: [f64; 3], mut velocity: [f64; 3], secs: f64) -> [f64; 3] {
+        let dt = 1e-5;
+        for _ in 0..(secs / dt).round() as usize {
+            at.iter_mut().zip(velocity).for_each(|(place, speed)| *place += dt * speed);
+            velocity[2] -= dt * GRAVITY;
+        }
+        at
+    }
+
+    #[test]
+    fn the_miss_is_the_distance_at_which_a_flying_ball_passes_a_flying_keeper() {
+        let (ball, speed) = ([2.6, 0.4, 0.9], [-5.0, 1.0, 1.5]);
+        let (keeper, leap) = ([0.6, 0.3, 0.6], [0.0, 1.5, 2.0]);
+        let secs = 0.4;
+        let (there, here) = (by_flying(ball, speed, secs), by_flying(keeper, leap, secs));
+        // Sideways a keeper is trusted for a shorter time only.
+        let aside = keeper[1] + leap[1] * GLIDE_SECS;
+        let wanted = (there[1] - aside).hypot(there[2] - here[2]);
+        let got = predicted_miss(&flight(ball, speed, RADIUS), &flight(keeper, leap, STANCE));
+        assert!((there[0] - keeper[0]).abs() < 1e-9);
+        assert!((got - wanted).abs() < 1e-3, "{got} instead of {wanted}");
+    }
+
+    #[test]
+    fn a_ball_that_has_passed_can_no_longer_be_reached() {
+        let keeper = flight([0.6, 0.0, 0.5], [0.0; 3], STANCE);
+        assert_eq!(
+            predicted_miss(&flight([0.5, 0.0, 0.5], [-5.0, 0.0, 0.0], RADIUS), &keeper),
+            f64::INFINITY
+        );
+    }
+
+    #[test]
+    fn a_goal_is_seen_coming_and_a_shot_that_is_wide_high_late_or_turned_away_is_none() {
+        let shot = |position, velocity| flight(position, velocity, RADIUS);
+        assert!(is_goal(&shot([5.0, 0.0, 0.15], [-5.5, 1.0, 4.0]), 1.5));
+        assert!(!is_goal(&shot([5.0, 0.0, 0.15], [-5.5, 2.0, 4.0]), 1.5), "wide");
+        assert!(!is_goal(&shot([1.0, 0.0, 1.5], [-5.5, 0.0, 2.0]), 1.5), "over the bar");
+        assert!(!is_goal(&shot([5.0, 0.0, 0.15], [-5.5, 1.0, 4.0]), 0.5), "too late");
+        assert!(!is_goal(&shot([1.0, 0.0, 0.5], [0.1, 0.0, 0.0]), 1.5), "turned away");
+        assert!(is_goal(&shot([-0.5, 0.0, 0.2], [0.1, 0.0, 0.0]), 0.0), "in the net");
+        assert!(!is_goal(&shot([-0.5, 1.8, 0.2], [0.1, 0.0, 0.0]), 1.0), "beside the net");
+    }
+}
