@@ -364,7 +364,6 @@ fn report(state: &MetaState, played: &PlayedRound, step: &Step, observer: &mut d
             ("encoding_explained", information.explained),
             ("posterior_std", information.std),
             ("information_kl", information.kl),
-            ("information_alignment", information.alignment),
         ]);
     }
     observer.on(Event::Measured { stage: STAGE, part: "", iteration: state.rounds, numbers: &numbers });

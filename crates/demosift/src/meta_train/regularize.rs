@@ -83,8 +83,6 @@ pub(super) struct Report {
     pub(super) std: f64,
     /// Mean KL divergence that the steps reached.
     pub(super) kl: f64,
-    /// Mean cosine between the step of line 14 and that of line 8, in parameters: below 0, the one undoes the other.
-    pub(super) alignment: f64,
     /// Environment steps that were played for this.
     pub(super) environment_steps: usize,
 }
@@ -137,18 +135,13 @@ pub(super) fn regularize(
             inform(round, paid, states, (posterior, encoding(imitator)), how)
         })
         .collect::<Result<_>>()?;
-    let alignments = imitators.iter().zip(&moved).map(|(imitator, moved)| {
-        let imitated = imitator.adapted.policy.parameters().iter().zip(round.prior.policy.parameters());
-        cosine(&imitated.map(|(there, here)| there - here).collect::<Vec<f32>>(), &moved.displacement)
-    });
-    let alignment = alignments.sum::<f64>() / moved.len() as f64;
     for (imitator, moved) in imitators.iter_mut().zip(&moved) {
         imitator.adapted.policy = imitator.adapted.policy.moved(&moved.displacement);
     }
     let drawn: Vec<f32> = imitators.iter().map(encoding).collect();
     let played = after.iter().chain(&new_after).chain(new_before.iter().map(|(_, played)| played));
     let environment_steps = played.map(|played| played.observations.len()).sum();
-    Ok(Report { alignment, environment_steps, ..Report::new(&moved, &drawn, posterior.std()) })
+    Ok(Report::new(&moved, &drawn, posterior.std(), environment_steps))
 }
 
 /// Lines 10 and 12: what each adapted policy does, with random numbers that all demonstrations share.
@@ -196,8 +189,7 @@ fn inform(
 }
 
 impl Report {
-    /// All but what needs the round.
-    fn new(informed: &[Informed], encodings: &[f32], std: f64) -> Self {
+    fn new(informed: &[Informed], encodings: &[f32], std: f64, environment_steps: usize) -> Self {
         let count = informed.len() as f64;
         let mean = |value: &dyn Fn(&Informed) -> f64| informed.iter().map(value).sum::<f64>() / count;
         let center = encodings.iter().map(|c| f64::from(*c)).sum::<f64>() / count;
@@ -210,17 +202,9 @@ impl Report {
             },
             std,
             kl: mean(&|informed| informed.kl),
-            alignment: 0.0,
-            environment_steps: 0,
+            environment_steps,
         }
     }
-}
-
-/// a · b / (|a| |b|), 0 where one of them is 0.
-fn cosine(a: &[f32], b: &[f32]) -> f64 {
-    let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>();
-    let lengths = (dot(a, a) * dot(b, b)).sqrt();
-    if lengths > 0.0 { dot(a, b) / lengths } else { 0.0 }
 }
 
 fn place(before: &[Before], variant: EnvVariant) -> usize {
