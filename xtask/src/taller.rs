@@ -65,9 +65,13 @@ fn grown(body: &str, factor: f64) -> Result<String, String> {
         } else if !in_cup && !open.iter().any(|place| place.is_ball) {
             // How far from the hoop somebody stands is no length of the body.
             let place = open.is_empty();
-            line = with_numbers(&line, "pos", |axis, number| {
-                if place && axis == 0 { number } else { number * factor }
-            })?;
+            line = with_numbers(
+                &line,
+                "pos",
+                |axis, number| {
+                    if place && axis == 0 { number } else { number * factor }
+                },
+            )?;
             for length in ["fromto", "size"] {
                 line = with_numbers(&line, length, |_, number| number * factor)?;
             }

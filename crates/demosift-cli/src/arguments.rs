@@ -29,6 +29,8 @@ pub(crate) enum Command {
     Imitate(ImitateArguments),
     /// Imitate each demonstration alone from scratch with the full budget: what a ranking is compared with
     Oracle(OracleArguments),
+    /// Play a policy, or recorded demonstrations again: scores, and pictures if you want them
+    Play(PlayArguments),
     /// List the tasks that come with demosift
     Tasks(TasksArguments),
 }
@@ -113,6 +115,78 @@ pub(crate) struct RecordArguments {
     pub(crate) guest: Vec<String>,
     #[command(flatten)]
     pub(crate) run: RunArguments,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  The worst and the best of a set, one a row of a contact sheet:
+    demosift play --task free_throw --data data/free_throw_8 --demonstration 1,4 --sheet
+  A clip of what a run learned from the demonstrations that it kept:
+    demosift play --task free_throw --policy runs/free_throw/policy_subset.safetensors --clip")]
+#[group(id = "source", required = true, multiple = false, args = ["policy", "data"])]
+pub(crate) struct PlayArguments {
+    /// The task: a name (see `demosift tasks`), or the path of a folder with a task.toml
+    #[arg(long, value_name = "NAME|PATH")]
+    pub(crate) task: String,
+    /// Play this policy: a policy_*.safetensors of a run folder
+    #[arg(long, value_name = "FILE")]
+    pub(crate) policy: Option<PathBuf>,
+    /// Replay demonstrations of this set from their recorded states: an .hdf5 file, or a folder that holds demonstrations.hdf5
+    #[arg(long, value_name = "SET")]
+    pub(crate) data: Option<PathBuf>,
+    /// Which demonstrations, such as 1,0,4, in this order [default: all]
+    #[arg(long, value_name = "ID", value_delimiter = ',', num_args = 1.., conflicts_with = "policy")]
+    pub(crate) demonstration: Vec<usize>,
+    /// How many episodes the policy plays
+    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "data")]
+    pub(crate) episodes: usize,
+    /// Which variant of the task the policy plays [default: the first]
+    #[arg(long, value_name = "NAME", conflicts_with = "data")]
+    pub(crate) variant: Option<String>,
+    /// The root of the random numbers of the policy's episodes
+    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "data")]
+    pub(crate) seed: u64,
+    /// Draw actions as in training, instead of taking the policy's mean
+    #[arg(long, conflicts_with = "data")]
+    pub(crate) sampled: bool,
+    #[command(flatten)]
+    pub(crate) pictures: PictureArguments,
+    /// Print the results as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Which pictures are made, and how.
+#[derive(Debug, Args)]
+pub(crate) struct PictureArguments {
+    /// Write a PNG of every step
+    #[arg(long)]
+    pub(crate) frames: bool,
+    /// Write a contact sheet, sheet.png: a row an episode
+    #[arg(long)]
+    pub(crate) sheet: bool,
+    /// Write a clip, clip.gif: one episode after the other
+    #[arg(long)]
+    pub(crate) clip: bool,
+    /// How many moments of an episode a contact sheet shows
+    #[arg(long, value_name = "N", default_value_t = 6)]
+    pub(crate) moments: usize,
+    /// The camera of the model to look from [default: the one that the task names as its best]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) camera: Option<String>,
+    /// Pixels of a picture
+    #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = size)]
+    pub(crate) size: (usize, usize),
+    /// A new folder for the pictures [default: runs/<task>_pictures]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+}
+
+fn size(typed: &str) -> Result<(usize, usize), String> {
+    let sides =
+        typed.split_once('x').and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
+    sides.ok_or_else(|| "wanted width and height in pixels, such as 320x240".to_owned())
 }
 
 #[derive(Debug, Args)]

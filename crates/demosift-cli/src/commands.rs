@@ -4,6 +4,7 @@ mod imitate;
 mod judge;
 mod meta_train;
 mod oracle;
+mod play;
 mod record;
 mod select;
 mod sift;
@@ -23,6 +24,7 @@ pub(crate) fn run(command: Command) -> Result<()> {
         Command::Select(arguments) => select::run(&arguments),
         Command::Imitate(arguments) => imitate::run(&arguments),
         Command::Oracle(arguments) => oracle::run(&arguments),
+        Command::Play(arguments) => play::run(&arguments),
         Command::Tasks(arguments) => {
             tasks::run(&arguments);
             Ok(())

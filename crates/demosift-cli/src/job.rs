@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use demosift::demonstration::{DemonstrationSet, d4rl};
-use demosift::environment::Task;
 use demosift::experiment::{self, Config, Run};
 use demosift::preset::Preset;
 use demosift::rollout::Playground;
@@ -13,6 +12,7 @@ use toml::Table;
 use crate::arguments::{JobArguments, PresetName, RunArguments};
 use crate::configuration::{self, Layer};
 use crate::metrics_file::MetricsFile;
+use crate::own_heuristic::{self, Own};
 use crate::run_folder::{self, Begun, Data, Identity, RunFolder};
 use crate::task::{self, Chosen};
 use crate::terminal::Progress;
@@ -23,7 +23,9 @@ pub(crate) const SET_FILE: &str = "demonstrations.hdf5";
 /// A set, a task and a configuration that fit each other, with the run folder that keeps what comes of them.
 pub(crate) struct Job {
     set: DemonstrationSet,
-    task: Box<dyn Task>,
+    /// The file of the set.
+    path: PathBuf,
+    chosen: Chosen,
     config: Config,
     folder: RunFolder,
     progress: Progress,
@@ -60,12 +62,12 @@ impl Job {
             .map_err(|error| if error.is_bad_input() { error.at(&path) } else { error })?;
         let folder = plan.open_folder(Some(data), &values)?;
         let progress = Progress::new(MetricsFile::open(folder.path())?);
-        Ok(Self { set, task: plan.chosen.task, config, folder, progress })
+        Ok(Self { set, path, chosen: plan.chosen, config, folder, progress })
     }
 
     /// Does a part of the job.
     pub(crate) fn run<T>(&mut self, work: impl FnOnce(&mut Run<'_>) -> Result<T>) -> Result<T> {
-        let playground = Playground::new(self.task.as_ref());
+        let playground = Playground::new(self.chosen.task.as_ref());
         let outcome = work(&mut Run {
             set: &self.set,
             playground: &playground,
@@ -84,7 +86,12 @@ impl Job {
     }
 
     pub(crate) fn unit(&self) -> &str {
-        self.task.heuristic().unit()
+        self.chosen.task.heuristic().unit()
+    }
+
+    /// What the demonstrations themselves scored; to be asked for after they are ranked, and never before.
+    pub(crate) fn own(&self) -> Own {
+        own_heuristic::of(self.chosen.mujoco.as_ref(), &self.set, &self.path)
     }
 
     pub(crate) fn folder(&self) -> &RunFolder {
@@ -162,7 +169,7 @@ fn layers(arguments: &RunArguments) -> Result<Vec<Layer>> {
     Ok(layers)
 }
 
-fn default_folder(task: &str) -> PathBuf {
+pub(crate) fn default_folder(task: &str) -> PathBuf {
     let name = Path::new(task).file_name().unwrap_or(task.as_ref());
     Path::new("runs").join(name)
 }
@@ -179,7 +186,7 @@ pub(crate) fn use_threads(count: Option<usize>) -> Result<()> {
         .map_err(|error| Error::bad_config(format!("--threads {count}: {error}")))
 }
 
-fn set_file(given: Option<&Path>) -> Result<PathBuf> {
+pub(crate) fn set_file(given: Option<&Path>) -> Result<PathBuf> {
     let given = given.ok_or_else(|| {
         Error::bad_input("no demonstrations are given").with_hint(format!(
             "give the path of an .hdf5 file in D4RL layout, or of a folder that holds {SET_FILE}"

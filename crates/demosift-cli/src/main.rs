@@ -5,6 +5,8 @@ mod commands;
 mod configuration;
 mod job;
 mod metrics_file;
+mod own_heuristic;
+mod picture_folder;
 mod run_folder;
 mod tables;
 mod task;

@@ -5,6 +5,8 @@ use demosift::heuristic::Score;
 use demosift::imitate::LearningCurve;
 use demosift::select::{Ranking, Subset};
 
+use crate::own_heuristic::{self, Own};
+
 /// Columns that fit their widest cell; words to the left, numbers to the right.
 pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {
@@ -73,14 +75,19 @@ pub(crate) fn ranking(
     set: &DemonstrationSet,
     ranking: &Ranking,
     subset: Option<&Subset>,
+    own: &Own,
     unit: &str,
 ) -> String {
     let entries = &ranking.entries;
-    let scale = Scale::of(entries.iter().flat_map(|entry| [entry.before, entry.after]), unit);
-    let titles = ["before", "after", "gain"].map(|name| scale.title(name));
+    let scores = entries.iter().flat_map(|entry| [entry.before, entry.after]);
+    let scale = Scale::of(scores.chain(own.scores().into_iter().flatten().copied()), unit);
+    let titles = ["before", "after", "gain", "its own"].map(|name| scale.title(name));
     let mut header = vec!["rank", "demonstration", "steps", &titles[0], &titles[1], &titles[2]];
     if subset.is_some() {
         header.push("kept");
+    }
+    if own.scores().is_some() {
+        header.push(&titles[3]);
     }
     let rows: Vec<Vec<String>> = entries
         .iter()
@@ -97,11 +104,23 @@ pub(crate) fn ranking(
             row.extend(
                 subset.map(|subset| if subset.demos.contains(&entry.demo) { "kept" } else { "-" }.to_owned()),
             );
+            row.extend(own.scores().map(|scores| scale.plain(scores[entry.demo.0])));
             row
         })
         .collect();
     let what = "How good the agent is at the task before and after it imitates each demonstration (higher is better):";
-    format!("{what}\n\n{}{}", table(&header, &rows), doubts(ranking, subset))
+    format!("{what}\n\n{}{}{}", table(&header, &rows), doubts(ranking, subset), beside(ranking, own))
+}
+
+/// What the recorded demonstrations themselves scored, which the ranking never saw.
+fn beside(ranking: &Ranking, own: &Own) -> String {
+    match own {
+        Own::Unknown => String::new(),
+        Own::Unusable(why) => format!("\nThe demonstrations' own heuristic is not known: {why}\n"),
+        Own::Known(scores) => own_heuristic::agreement(ranking, scores).map_or(String::new(), |agreement| {
+            format!("\nSpearman's rank correlation of the gain with the demonstrations' own heuristic: {agreement:.2}\n")
+        }),
+    }
 }
 
 /// Says which of the kept demonstrations did not help.
@@ -149,6 +168,10 @@ pub(crate) fn policies(curves: &[(String, &LearningCurve)], unit: &str) -> Strin
         })
         .collect();
     table(&header, &rows)
+}
+
+pub(crate) fn yes_or_no(is_so: bool) -> String {
+    if is_so { "yes" } else { "no" }.to_owned()
 }
 
 pub(crate) fn percent(share: f64) -> String {

@@ -5,6 +5,7 @@ use std::path::Path;
 use demosift::environment::Task;
 use demosift::point_mass::PointMass;
 use demosift::{Error, Result, files};
+use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
 
 use crate::configuration::Layer;
@@ -14,17 +15,21 @@ const POINT_MASS: &str = "point_mass";
 const VALUES_FILE: &str = "config.toml";
 
 /// Values that a task's name brings with it; see [`crate::configuration::preset`] for tables named after a preset.
-const BUILT_IN_VALUES: [(&str, &str); 5] = [
+const BUILT_IN_VALUES: [(&str, &str); 7] = [
     (POINT_MASS, include_str!("../../../configs/point_mass.toml")),
     ("half_cheetah", include_str!("../../../configs/half_cheetah.toml")),
     ("free_throw", include_str!("../../../configs/free_throw.toml")),
     ("penalty_save", include_str!("../../../configs/penalty_save.toml")),
     ("free_throw_taller", include_str!("../../../configs/free_throw.toml")),
+    ("handstand", include_str!("../../../configs/handstand.toml")),
+    ("martial_arts", include_str!("../../../configs/martial_arts.toml")),
 ];
 
 /// A task with what a run needs to know about where it comes from.
 pub(crate) struct Chosen {
     pub(crate) task: Box<dyn Task>,
+    /// The same, where it is one in MuJoCo: such a task can be replayed and looked at.
+    pub(crate) mujoco: Option<MujocoTask>,
     /// As `--task` takes it, from any working directory.
     pub(crate) name: String,
     /// Hash of the files of a user's own task.
@@ -40,15 +45,29 @@ pub(crate) fn names() -> Vec<&'static str> {
 
 /// The task that `--task` names.
 pub(crate) fn choose(name_or_path: &str) -> Result<Chosen> {
-    let task: Box<dyn Task> = match name_or_path {
-        POINT_MASS => Box::new(PointMass::new()),
-        known if registry::names().contains(&known) => Box::new(registry::load(known)?),
+    let mujoco = match name_or_path {
+        POINT_MASS => None,
+        known if registry::names().contains(&known) => Some(registry::load(known)?),
         path if Path::new(path).exists() => return users_own(Path::new(path)),
         other => return Err(unknown(other)),
     };
     let text = BUILT_IN_VALUES.iter().find(|(name, _)| *name == name_or_path).map_or("", |(_, text)| text);
     let values = Layer::from_text(&format!("configs/{name_or_path}.toml"), text)?;
-    Ok(Chosen { task, name: name_or_path.to_owned(), sha256: None, values })
+    Ok(Chosen {
+        task: playable(mujoco.as_ref()),
+        mujoco,
+        name: name_or_path.to_owned(),
+        sha256: None,
+        values,
+    })
+}
+
+/// The task as those see it who only play it; the one task without MuJoCo is the point mass.
+fn playable(mujoco: Option<&MujocoTask>) -> Box<dyn Task> {
+    match mujoco {
+        Some(task) => Box::new(task.clone()),
+        None => Box::new(PointMass::new()),
+    }
 }
 
 /// A task of the user's own: a `task.toml`, or the folder that holds one, and perhaps values of its own beside it.
@@ -64,11 +83,13 @@ fn users_own(path: &Path) -> Result<Chosen> {
     } else {
         Layer::from_text(VALUES_FILE, "")?
     };
-    Ok(Chosen { task: Box::new(task), name: name.to_owned(), sha256: Some(hash_of(folder)?), values })
+    let mujoco = Some(task);
+    let sha256 = Some(hash_of(folder, &absolute)?);
+    Ok(Chosen { task: playable(mujoco.as_ref()), mujoco, name: name.to_owned(), sha256, values })
 }
 
-/// Hash of the task file and the models beside it.
-fn hash_of(folder: &Path) -> Result<String> {
+/// Hash of the task file, of all that lies beside it, and of what its model includes from other folders.
+fn hash_of(folder: &Path, task: &Path) -> Result<String> {
     let failed = |error: std::io::Error| Error::io("cannot look into the task's folder", folder, &error);
     let mut paths = std::fs::read_dir(folder)
         .and_then(|entries| {
@@ -76,7 +97,9 @@ fn hash_of(folder: &Path) -> Result<String> {
         })
         .map_err(failed)?;
     paths.retain(|path| path.extension().is_some_and(|extension| extension == "xml" || extension == "toml"));
+    paths.extend(registry::files(task)?);
     paths.sort();
+    paths.dedup();
     files::sha256(&paths)
 }
 
@@ -91,4 +114,34 @@ pub(crate) fn missing() -> Error {
 fn unknown(name: &str) -> Error {
     Error::bad_input(format!("no task is called '{name}'; there are: {}", names().join(", ")))
         .with_hint("or give the path of a folder that holds a task.toml")
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    const TASK: &str = "name = 'cart'\nmodel = 'cart.xml'\nframe_skip = 1\nhorizon = 2\nobservation = ['phase']\n\
+        measurements = { x = { qpos = 'slider' } }\nheuristic = { fold = 'max', of = 'x' }\n";
+    const CART: &str = "<mujocoinclude><worldbody><body name='cart'><joint name='slider' type='slide'/>\
+        <geom name='box' size='0.1'/></body></worldbody>\
+        <actuator><motor name='push' joint='slider' ctrlrange='-1 1'/></actuator></mujocoinclude>";
+
+    #[test]
+    fn the_hash_counts_what_a_model_includes_from_another_folder() {
+        let root = std::env::temp_dir().join(format!("demosift-task-hash-{}", std::process::id()));
+        let (task, robot) = (root.join("task"), root.join("robot"));
+        [&task, &robot].into_iter().for_each(|folder| std::fs::create_dir_all(folder).unwrap());
+        std::fs::write(task.join("task.toml"), TASK).unwrap();
+        std::fs::write(task.join("cart.xml"), "<mujoco><include file='../robot/cart.xml'/></mujoco>")
+            .unwrap();
+        let hash_with = |cart: String| {
+            std::fs::write(robot.join("cart.xml"), cart).unwrap();
+            choose(task.to_str().unwrap()).unwrap().sha256.unwrap()
+        };
+        let before = hash_with(CART.to_owned());
+        assert_ne!(before, hash_with(CART.replace("0.1", "0.2")));
+        assert_eq!(before, hash_with(CART.to_owned()));
+        std::fs::remove_dir_all(&root).unwrap();
+    }
 }

@@ -33,14 +33,20 @@ pub(crate) fn complain(error: &Error) {
 ///
 /// The bar hides itself where standard error is not a terminal.
 pub(crate) struct Progress {
-    metrics: MetricsFile,
+    /// A look at something measures nothing.
+    metrics: Option<MetricsFile>,
     bar: ProgressBar,
     failed: Option<Error>,
 }
 
 impl Progress {
     pub(crate) fn new(metrics: MetricsFile) -> Self {
-        Self { metrics, bar: ProgressBar::hidden(), failed: None }
+        Self { metrics: Some(metrics), ..Self::of_bar_only() }
+    }
+
+    /// Shows the bar and writes nothing down.
+    pub(crate) fn of_bar_only() -> Self {
+        Self { metrics: None, bar: ProgressBar::hidden(), failed: None }
     }
 
     /// Clears the bar; the error is the first that writing the measurements met.
@@ -67,7 +73,8 @@ impl Observer for Progress {
             Event::Started { stage, done, total } => self.start(stage, done, total),
             Event::Advanced { done, .. } => self.bar.set_position(done as u64),
             Event::Measured { stage, part, iteration, numbers } => {
-                if let Err(error) = self.metrics.append(stage, part, iteration, numbers) {
+                let metrics = self.metrics.as_mut();
+                if let Some(Err(error)) = metrics.map(|file| file.append(stage, part, iteration, numbers)) {
                     self.failed.get_or_insert(error);
                 }
             }
@@ -83,6 +90,7 @@ fn what(stage: &str) -> String {
         "judge" => "judging demonstrations",
         "imitate" => "imitating from scratch",
         "demonstrator" => "training the demonstrator",
+        "film" => "taking pictures",
         other => other,
     }
     .to_owned()

@@ -4,7 +4,10 @@
 
 mod support;
 
+use demosift::artifact;
 use demosift::demonstration::d4rl::{self, Episode};
+use demosift::observation_filter::ObservationFilter;
+use demosift::policy::{Policy, PolicyShape};
 use demosift::rows::Rows;
 use hdf5_pure::FileBuilder;
 use support::Scratch;
@@ -118,7 +121,7 @@ fn tasks_that_are_none() {
     refuses(
         &scratch,
         "sift set --task tennis --out run",
-        &["'tennis'", "point_mass, free_throw, half_cheetah", "\nhint: "],
+        &["'tennis'", "point_mass, free_throw, ", "half_cheetah", "\nhint: "],
     );
     refuses(&scratch, "sift set --task set --out run", &["no task.toml", "set"]);
     refuses(&scratch, "sift set --out run", &["no task is given", "point_mass", "\nhint: "]);
@@ -166,6 +169,55 @@ fn a_number_to_keep_that_is_not_there() {
     );
     refuses(&scratch, &format!("oracle set {TASK} --repeats 0"), &["--repeats 0", "at least 1"]);
     refuses(&scratch, "record --task point_mass --out run --count 1", &["--count 1", "at least 2"]);
+    refuses(&scratch, "record --task point_mass --out run --unseen 1", &["--unseen 1", "at least 2"]);
+}
+
+#[test]
+fn demonstrators_that_are_none_or_do_not_fit() {
+    let scratch = Scratch::new("demonstrators");
+    scratch.succeed(&format!("{} --out trained", support::RECORD));
+    scratch.succeed("record --demonstrator trained --out recorded");
+    let record = "record --task point_mass --out run";
+    refuses(&scratch, &format!("{record} --demonstrator none"), &["no such run folder", "none"]);
+    refuses(
+        &scratch,
+        &format!("{record} --demonstrator set"),
+        &["not a run folder: it has no run.json", "set"],
+    );
+    let wanted = ["has no stages.bin", "recorded", "\nhint: "];
+    refuses(&scratch, &format!("{record} --demonstrator recorded"), &wanted);
+    let wanted = ["--set demonstrator.", "would change nothing", "\nhint: "];
+    refuses(&scratch, &format!("{record} --demonstrator trained --set demonstrator.updates=3"), &wanted);
+    let wanted = ["trained on the task point_mass", "is of free_throw", "\nhint: "];
+    refuses(&scratch, "record --task free_throw --demonstrator trained --out run", &wanted);
+    for guest in ["trained", "trained=0", "trained=six"] {
+        let wanted = [&*format!("--guest {guest}: "), "wanted DIR=N", "\nhint: "];
+        refuses(&scratch, &format!("{record} --guest {guest}"), &wanted);
+    }
+    refuses(&scratch, &format!("{record} --guest none=2"), &["no such run folder", "none"]);
+    let wanted = ["8 of the 8 demonstrations are by guests", "at least 1 must be", "\nhint: "];
+    refuses(&scratch, &format!("{record} --guest trained=8"), &wanted);
+    let wanted = ["'point_mass' has 4 numbers in an observation", "'free_throw' has 55"];
+    refuses(&scratch, "record --task free_throw --guest trained=2 --out run", &wanted);
+    refuses(&scratch, &format!("{record} --preset quick"), &["--preset"]);
+
+    let whole = std::fs::read(scratch.0.join("trained/stages.bin")).unwrap();
+    std::fs::write(scratch.0.join("trained/stages.bin"), &whole[..whole.len() / 2]).unwrap();
+    refuses(&scratch, &format!("{record} --demonstrator trained"), &["stages.bin cannot be read", "trained"]);
+    std::fs::write(scratch.0.join("trained/stages.bin"), [9, 0, 0, 0]).unwrap();
+    refuses(&scratch, &format!("{record} --demonstrator trained"), &["stages.bin has format version 9"]);
+
+    // A demonstrator that has changed since the recording began.
+    std::fs::remove_file(scratch.0.join("recorded/provenance.json")).unwrap();
+    complaint(&scratch, "record --out recorded --resume", &["not the one that this recording began with"]);
+}
+
+#[test]
+fn a_guest_that_never_succeeds() {
+    let scratch = Scratch::new("hopeless-guest");
+    scratch.succeed(&format!("{} --set demonstrator.updates=0 --out hopeless", support::RECORD));
+    let wanted = ["at least 50 %", "this one reaches 0 %", "hopeless"];
+    refuses(&scratch, "record --task point_mass --guest hopeless=2 --out run", &wanted);
 }
 
 #[test]
@@ -214,6 +266,97 @@ fn a_folder_that_is_no_run() {
     );
     complaint(&scratch, &format!("{job} --out tiny.toml"), &["is a file", "tiny.toml"]);
     assert_eq!(scratch.files("set").len(), 1);
+}
+
+/// `policy.safetensors`, for the point mass.
+fn write_policy(scratch: &Scratch) {
+    let shape = PolicyShape { hidden: vec![4], initial_std: 0.5 };
+    let policy = Policy::untrained(&shape, ObservationFilter::identity(4), 2, demosift::seed::Seed::new(1));
+    std::fs::write(scratch.0.join("policy.safetensors"), artifact::write_policy(&policy)).unwrap();
+}
+
+#[test]
+fn policies_that_are_none() {
+    let scratch = Scratch::new("play-policy");
+    write_policy(&scratch);
+    let play = "play --task point_mass --policy";
+    refuses(
+        &scratch,
+        &format!("{play} none.safetensors"),
+        &["does not exist", "none.safetensors", "\nhint: "],
+    );
+    refuses(&scratch, &format!("{play} tiny.toml"), &["not a safetensors file", "tiny.toml"]);
+    let whole = std::fs::read(scratch.0.join("policy.safetensors")).unwrap();
+    std::fs::write(scratch.0.join("half.safetensors"), &whole[..whole.len() / 2]).unwrap();
+    refuses(&scratch, &format!("{play} half.safetensors"), &["not a safetensors file", "half.safetensors"]);
+    refuses(
+        &scratch,
+        "play --task half_cheetah --policy policy.safetensors",
+        &["4 observations to 2 actions", "'half_cheetah' has 17 and 6", "policy.safetensors"],
+    );
+    refuses(&scratch, &format!("{play} policy.safetensors --episodes 0"), &["--episodes 0", "at least 1"]);
+    refuses(&scratch, &format!("{play} policy.safetensors --variant left"), &["--variant left", "has: east"]);
+    refuses(
+        &scratch,
+        "play --task tennis --policy policy.safetensors",
+        &["'tennis'", "point_mass, free_throw"],
+    );
+}
+
+#[test]
+fn replays_that_cannot_be() {
+    let scratch = Scratch::new("play-replay");
+    refuses(&scratch, "play --task point_mass --data set", &["'point_mass' has no MuJoCo model", "\nhint: "]);
+    refuses(
+        &scratch,
+        "play --task half_cheetah --data set",
+        &["no states of the simulator, 'infos/qpos' and 'infos/qvel'", "set/demonstrations.hdf5", "\nhint: "],
+    );
+    let throws = support::in_repository("data/free_throw_8");
+    let replay = format!("play --data {} --task", throws.display());
+    refuses(&scratch, &format!("{replay} free_throw --demonstration 0,8"), &["--demonstration 8", "0 to 7"]);
+    refuses(
+        &scratch,
+        &format!("{replay} half_cheetah"),
+        &["demonstration 0", "'half_cheetah' takes", "of 6 numbers", "demonstrations.hdf5"],
+    );
+    refuses(&scratch, "play --task half_cheetah --data none.hdf5", &["does not exist", "none.hdf5"]);
+    refuses(&scratch, "play --task half_cheetah", &["--policy <FILE>|--data <SET>"]);
+    refuses(&scratch, "play --task half_cheetah --data set --policy tiny.toml", &["cannot be used with"]);
+    refuses(&scratch, "play --task half_cheetah --data set --seed 3", &["--seed", "cannot be used with"]);
+}
+
+#[test]
+fn pictures_that_cannot_be_taken() {
+    let scratch = Scratch::new("play-pictures");
+    write_policy(&scratch);
+    let throws = support::in_repository("data/free_throw_8");
+    let play = "play --task point_mass --policy policy.safetensors";
+    refuses(
+        &scratch,
+        &format!("{play} --sheet --out run"),
+        &["'point_mass' has no MuJoCo model", "\nhint: "],
+    );
+    refuses(
+        &scratch,
+        &format!("{play} --out run"),
+        &["nothing is to be written", "run\n", "\nhint: ", "--sheet"],
+    );
+    let play = format!("play --task free_throw --data {} --demonstration 1", throws.display());
+    let wanted = ["no camera is called 'roof'", "side, oblique, front"];
+    refuses(&scratch, &format!("{play} --sheet --camera roof --out run"), &wanted);
+    refuses(&scratch, &format!("{play} --sheet --size 320 --out run"), &["--size", "such as 320x240"]);
+    refuses(
+        &scratch,
+        &format!("{play} --sheet --size 0x240 --out run"),
+        &["0 x 240", "from 1 x 1 to 1920 x 1080"],
+    );
+    refuses(&scratch, &format!("{play} --sheet --moments 0 --out run"), &["--moments 0", "at least 1"]);
+    refuses(&scratch, &format!("{play} --sheet --out set"), &["holds other files", "set\n", "\nhint: "]);
+    refuses(&scratch, &format!("{play} --sheet --out tiny.toml"), &["is a file", "tiny.toml"]);
+    let left: Vec<_> =
+        std::fs::read_dir(&scratch.0).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left.len(), 3, "{left:?}");
 }
 
 /// The device that is always full stands in for a disk; the bytes of a noun wait under this name.

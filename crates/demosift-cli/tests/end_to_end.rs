@@ -8,6 +8,7 @@ use std::path::Path;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
+use demosift::demonstration::d4rl;
 use support::{Scratch, assert_same_files};
 
 const TASK: &str = "--task point_mass --config tiny.toml";
@@ -108,8 +109,7 @@ fn the_oracle_is_compared_with_the_ranking() {
 #[test]
 fn a_recording_is_a_set_and_resumes() {
     let scratch = Scratch::new("record");
-    let record = "record --task point_mass --count 3 --set demonstrator.snapshot_every=1 \
-                  --set demonstrator.batch_steps=300 --set demonstrator.checkpoint_every=2";
+    let record = support::RECORD;
     let said = scratch.succeed(&format!("{record} --out recorded"));
     assert!(said.contains("The demonstrator was done after"), "{said}");
     let again = scratch.succeed("record --out recorded --resume");
@@ -117,4 +117,61 @@ fn a_recording_is_a_set_and_resumes() {
     scratch.succeed(&format!("{record} --out twice"));
     assert_same_files(&scratch.files("recorded"), &scratch.files("twice"));
     scratch.succeed(&format!("judge recorded {TASK} --out run"));
+}
+
+#[test]
+fn a_training_that_was_killed_resumes_to_the_identical_recording() {
+    let scratch = Scratch::new("kill-record");
+    let job = format!("{} --unseen 2 --set demonstrator.enough_success=2.0", support::RECORD);
+    let job = format!("{job} --set demonstrator.updates=60 --set demonstrator.trust_region.max_kl=0.001");
+    scratch.succeed(&format!("{job} --out whole"));
+    kill_after(
+        &scratch,
+        &format!("{job} --out killed"),
+        &scratch.0.join("killed/checkpoint_demonstrator.bin"),
+    );
+    scratch.succeed("record --out killed --resume");
+    assert_same_files(&scratch.files("whole"), &scratch.files("killed"));
+}
+
+#[test]
+fn other_sets_come_from_one_training() {
+    let scratch = Scratch::new("demonstrator");
+    scratch.succeed(&format!("{} --unseen 3 --out trained", support::RECORD));
+    // The same set, if the same is asked for.
+    scratch.succeed("record --demonstrator trained --count 3 --unseen 3 --out again");
+    let (trained, again) = (scratch.files("trained"), scratch.files("again"));
+    for name in ["demonstrations.hdf5", "unseen.hdf5", "provenance.json", "unseen_provenance.json"] {
+        assert!(trained[name] == again[name], "{name} differs");
+    }
+    // More demonstrations than stages, and others with another seed.
+    scratch.succeed("record --demonstrator trained --count 40 --unseen 20 --seed 2 --out many --threads 1");
+    scratch.succeed("record --demonstrator trained --count 40 --unseen 20 --seed 2 --out twice --threads 2");
+    assert_same_files(&scratch.files("many"), &scratch.files("twice"));
+    let said = scratch.succeed("record --out many --resume");
+    assert!(said.contains("In 100 episodes after that it succeeds in "), "{said}");
+    let read = |path: &str| d4rl::read(&scratch.0.join(path)).unwrap();
+    let sets =
+        [read("trained/demonstrations.hdf5"), read("many/demonstrations.hdf5"), read("many/unseen.hdf5")];
+    assert_eq!(sets.each_ref().map(|set| set.len()), [3, 40, 20]);
+    let all: Vec<_> = sets.iter().flat_map(|set| set.iter().map(|(_, one)| one.actions().flat())).collect();
+    assert!((0..all.len()).all(|one| (0..one).all(|other| all[one] != all[other])), "an episode comes twice");
+    scratch.succeed(&format!("judge many {TASK} --set judge.repeats=1 --out run"));
+}
+
+#[test]
+fn a_guest_brings_demonstrations_at_which_it_succeeds() {
+    let scratch = Scratch::new("guest");
+    scratch.succeed(&format!("{} --out own", support::RECORD));
+    scratch.succeed(&format!("{} --seed 5 --out other", support::RECORD));
+    let said =
+        scratch.succeed("record --demonstrator own --guest other=4 --count 10 --seed 1 --json --out mixed");
+    let value: serde_json::Value = serde_json::from_str(&said).unwrap();
+    let own: serde_json::Value = serde_json::from_slice(&scratch.files("own")["provenance.json"]).unwrap();
+    let guest = &value["provenance"]["guests"][0];
+    assert_eq!(value["provenance"]["updates"], own["updates"]);
+    assert_eq!(guest["final"]["episodes"], 100);
+    assert!(guest["final"]["success"].as_f64().unwrap() > 0.3, "{guest}");
+    let set = d4rl::read(&scratch.0.join("mixed/demonstrations.hdf5")).unwrap();
+    assert_eq!((set.len(), value["provenance"]["demonstrations"].as_array().unwrap().len()), (10, 10));
 }

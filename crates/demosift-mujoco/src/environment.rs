@@ -68,6 +68,11 @@ impl MujocoEnvironment {
         self.data.qvel()
     }
 
+    /// Controls of the step that was taken last, `[nu]`, in MuJoCo's order and units.
+    pub fn controls(&self) -> &[f64] {
+        self.data.ctrl()
+    }
+
     /// Starts an episode at the given state, `[nq]` and `[nv]`, without noise.
     ///
     /// # Errors

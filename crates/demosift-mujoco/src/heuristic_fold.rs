@@ -20,6 +20,8 @@ pub(crate) enum FoldKind {
     Sum,
     Mean,
     Last,
+    /// How many rows are counted.
+    Count,
 }
 
 /// A fold whose names have become columns.
@@ -68,15 +70,22 @@ impl Fold {
     /// Looks up the names of a fold in the `measurements` of a task.
     ///
     /// # Errors
-    /// If a measurement is unknown, a condition has not exactly one bound, or `otherwise` is missing where a fold
-    /// with conditions may find nothing to count.
+    /// If a measurement is unknown, `of` is missing (or given to a count, which needs none), a condition has not exactly
+    /// one bound, or `otherwise` is missing where a fold with conditions may find nothing to count.
     pub(crate) fn resolve(file: &FoldOf, measurements: &[String]) -> Result<Self> {
         let names = match &file.of {
             OneOrMore::One(name) => std::slice::from_ref(name),
             OneOrMore::More(names) => names,
         };
-        if names.is_empty() {
-            return Err(Error::bad_config("of: an empty list; name at least one measurement"));
+        match (file.fold, names) {
+            (FoldKind::Count, [_, ..]) => {
+                return Err(Error::bad_config(
+                    "of: a count is of rows, so it takes no measurement; use `when`",
+                ));
+            }
+            (FoldKind::Count, []) => {}
+            (_, []) => return Err(Error::bad_config("of: missing or empty; name at least one measurement")),
+            _ => {}
         }
         let columns = names.iter().map(|name| column(name, measurements));
         let columns = columns.collect::<Result<_>>().map_err(|error| error.during("of"))?;
@@ -86,7 +95,7 @@ impl Fold {
         };
         let when = conditions(&file.when, "when")?;
         let as_long_as = conditions(&file.as_long_as, "while")?;
-        let empty_is_zero = matches!(file.fold, FoldKind::Sum | FoldKind::LastMinusFirst);
+        let empty_is_zero = matches!(file.fold, FoldKind::Sum | FoldKind::LastMinusFirst | FoldKind::Count);
         let may_be_empty = !when.is_empty() || !as_long_as.is_empty();
         let otherwise = match file.otherwise {
             Some(value) => value,
@@ -141,14 +150,21 @@ impl Fold {
             FoldKind::Sum => state.sum,
             FoldKind::Mean => state.sum / state.counted as f64,
             FoldKind::Last => state.last,
+            FoldKind::Count => state.counted as f64,
         };
         if self.negate { -value } else { value }
     }
 
     /// Whether a bound that holds after some rows will hold after any further ones.
     pub(crate) fn is_settled_by(&self, state: &FoldState, bound: Bound) -> bool {
-        let falls = matches!((self.kind, self.negate), (FoldKind::Min, false) | (FoldKind::Max, true));
-        let rises = matches!((self.kind, self.negate), (FoldKind::Max, false) | (FoldKind::Min, true));
+        let falls = matches!(
+            (self.kind, self.negate),
+            (FoldKind::Min, false) | (FoldKind::Max | FoldKind::Count, true)
+        );
+        let rises = matches!(
+            (self.kind, self.negate),
+            (FoldKind::Max | FoldKind::Count, false) | (FoldKind::Min, true)
+        );
         state.counted > 0
             && match bound {
                 Bound::Below(_) => falls,
@@ -286,6 +302,18 @@ mod tests {
     }
 
     #[test]
+    fn a_count_is_of_the_rows_that_the_conditions_leave() {
+        assert_eq!(fold("fold = 'count'").score(&episode()), 5.0);
+        let when = "fold = 'count'\nwhen = [{ measurement = 'a', above = 0.9 }]";
+        assert_eq!(fold(when).score(&episode()), 4.0);
+        assert_eq!(
+            fold(&format!("{when}\nwhile = [{{ measurement = 'b', is = 1 }}]")).score(&episode()),
+            1.0
+        );
+        assert_eq!(fold("fold = 'count'\nwhen = [{ measurement = 'a', above = 9 }]").score(&episode()), 0.0);
+    }
+
+    #[test]
     fn a_bound_is_settled_only_where_more_rows_cannot_undo_it() {
         let settled = |text: &str, bound| {
             let fold = fold(text);
@@ -299,6 +327,9 @@ mod tests {
         assert!(settled("fold = 'min'\nof = 'a'\nnegate = true", Bound::Above(-1.0)));
         assert!(settled("fold = 'max'\nof = 'a'", Bound::Above(1.0)));
         assert!(!settled("fold = 'last'\nof = 'a'", Bound::Below(1.0)));
+        assert!(
+            settled("fold = 'count'", Bound::Above(0.5)) && !settled("fold = 'count'", Bound::Below(9.0))
+        );
     }
 
     #[test]
@@ -306,6 +337,8 @@ mod tests {
         for (text, wanted) in [
             ("fold = 'min'\nof = 'c'", "no measurement is called 'c'; [measurements] has: a, b"),
             ("fold = 'min'\nof = []", "at least one measurement"),
+            ("fold = 'min'", "at least one measurement"),
+            ("fold = 'count'\nof = 'a'", "takes no measurement"),
             ("fold = 'min'\nof = 'a'\nwhen = [{ measurement = 'b' }]", "exactly one of: is, above, below"),
             ("fold = 'min'\nof = 'a'\nwhen = [{ measurement = 'b', is = 1 }]", "`otherwise` is missing"),
         ] {

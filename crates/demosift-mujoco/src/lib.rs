@@ -3,6 +3,7 @@
 //! The flow: [`registry::load`] finds the two files, [`mujoco_task::MujocoTask`] resolves every name in them once,
 //! and each worker plays on a [`environment::MujocoEnvironment`] of its own.
 //! No algorithm is known here.
+//! Recorded states go the other way: [`replay`] measures them, and [`render`] and [`film`] make them into pictures.
 //!
 //! # A task of your own
 //!
@@ -10,7 +11,7 @@
 //!
 //! ```toml
 //! name = "reach"
-//! model = "arm.xml"         # beside this file
+//! model = "arm.xml"         # beside this file; it may include files, from other folders too
 //! camera = "front"          # optional: the one that shows the task best
 //! frame_skip = 5            # steps of the physics in a control step
 //! horizon = 100             # control steps in an episode, always
@@ -45,7 +46,7 @@
 //! lands = { contact = ["hand", "floor"] }             # 1 while geoms (or geoms of bodies) touch, else 0
 //!
 //! [heuristic]                          # of the T+1 rows of measurements; the one after the reset is the first
-//! fold = "min"                         # last_minus_first, min, max, sum, mean, last
+//! fold = "min"                         # last_minus_first, min, max, sum, mean, last, count (of rows: without `of`)
 //! of = "reach"                         # or [several], which are added up
 //! negate = true                        # higher must be better
 //! unit = "m"
@@ -65,14 +66,18 @@
 //! ```
 
 pub mod environment;
+pub mod film;
 mod heuristic_fold;
+mod include;
 mod measurement;
 pub mod model;
 pub mod mujoco_task;
 mod observation;
+pub mod picture;
 mod quiet;
 pub mod registry;
 pub mod render;
+pub mod replay;
 mod reset;
 pub mod reward;
 mod task_file;

@@ -1,6 +1,6 @@
 //! A task: `task.toml` and its model, every name looked up.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use demosift::environment::{Environment, Specification, Task};
@@ -53,11 +53,18 @@ impl MujocoTask {
     /// # Errors
     /// If a file is missing or wrong; says what, and what would have been right.
     pub fn from_file(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| Error::io("cannot read the task file", path, &error))?;
-        let folder = path.parent().unwrap_or(Path::new(""));
-        Self::build(&text, |model| Model::from_file(&folder.join(model)), None)
+        let text = read(path)?;
+        Self::build(&text, |model| Model::from_file(&beside(path, model)), None)
             .map_err(|error| error.at(path))
+    }
+
+    /// The model that a `task.toml` names.
+    ///
+    /// # Errors
+    /// If the task file is missing or wrong.
+    pub(crate) fn model_file(path: &Path) -> Result<PathBuf> {
+        let file = TaskFile::parse(&read(path)?).map_err(|error| error.at(path))?;
+        Ok(beside(path, &file.model))
     }
 
     /// Takes the text of a `task.toml` and of its `models`, pairs of file name and MJCF.
@@ -125,6 +132,15 @@ impl Task for MujocoTask {
         let success = self.0.success.as_ref()?;
         Some(success.bound.holds(success.fold.over(measurements)))
     }
+}
+
+fn read(task_file: &Path) -> Result<String> {
+    std::fs::read_to_string(task_file)
+        .map_err(|error| Error::io("cannot read the task file", task_file, &error))
+}
+
+fn beside(task_file: &Path, model: &str) -> PathBuf {
+    task_file.parent().unwrap_or(Path::new("")).join(model)
 }
 
 fn resolve(file: &TaskFile, model: Model) -> Result<Blueprint> {

@@ -1,17 +1,17 @@
 //! The tasks that come with demosift, and the way to a user's own.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use demosift::{Error, Result};
 
 use crate::mujoco_task::{MakeShaping, MujocoTask};
-use crate::tasks;
+use crate::{include, tasks};
 
 /// A task that is part of the program, so that an installed binary needs no files beside it.
 struct BuiltIn {
     name: &'static str,
     task_file: &'static str,
-    /// File names and MJCF.
+    /// File names and MJCF; an included file has the path by which the model includes it.
     models: &'static [(&'static str, &'static str)],
     shaping: Option<MakeShaping>,
 }
@@ -38,6 +38,15 @@ const BUILT_IN: &[BuiltIn] = &[
         shaping: Some(tasks::free_throw::shaping),
     },
     BuiltIn {
+        name: "handstand",
+        task_file: include_str!("../../../tasks/handstand/task.toml"),
+        models: &[
+            ("handstand.xml", include_str!("../../../tasks/handstand/handstand.xml")),
+            ("../humanoid/humanoid.xml", include_str!("../../../tasks/humanoid/humanoid.xml")),
+        ],
+        shaping: None,
+    },
+    BuiltIn {
         name: "half_cheetah",
         task_file: include_str!("../../../tasks/half_cheetah/task.toml"),
         models: &[("half_cheetah.xml", include_str!("../../../tasks/half_cheetah/half_cheetah.xml"))],
@@ -48,6 +57,15 @@ const BUILT_IN: &[BuiltIn] = &[
         task_file: include_str!("../../../tasks/penalty_save/task.toml"),
         models: &[("penalty_save.xml", include_str!("../../../tasks/penalty_save/penalty_save.xml"))],
         shaping: Some(tasks::penalty_save::shaping),
+    },
+    BuiltIn {
+        name: "martial_arts",
+        task_file: include_str!("../../../tasks/martial_arts/task.toml"),
+        models: &[
+            ("martial_arts.xml", include_str!("../../../tasks/martial_arts/martial_arts.xml")),
+            ("../humanoid/humanoid.xml", include_str!("../../../tasks/humanoid/humanoid.xml")),
+        ],
+        shaping: Some(tasks::martial_arts::shaping),
     },
 ];
 
@@ -66,18 +84,38 @@ pub fn load(name_or_path: &str) -> Result<MujocoTask> {
             .map_err(|error| error.during(task.name));
     }
     let path = Path::new(name_or_path);
-    if path.is_dir() {
-        let file = path.join("task.toml");
-        if !file.is_file() {
-            return Err(Error::bad_input("this folder holds no task.toml, so it is not a task").at(path));
-        }
-        return MujocoTask::from_file(&file);
-    }
-    if path.is_file() {
-        return MujocoTask::from_file(path);
+    if path.is_dir() || path.is_file() {
+        return MujocoTask::from_file(&task_file(path)?);
     }
     Err(Error::bad_input(format!(
         "no task is called '{name_or_path}'; there are: {}; or give the path of a folder with a task.toml",
         names().join(", ")
     )))
+}
+
+/// The files that the user's task at this path is made of: the `task.toml`, its model and what that includes, in order of
+/// their absolute paths.
+///
+/// # Errors
+/// As [`load`].
+pub fn files(path: &Path) -> Result<Vec<PathBuf>> {
+    let path = task_file(path)?;
+    let mut files = include::files_of(&MujocoTask::model_file(&path)?)?;
+    files.push(
+        std::fs::canonicalize(&path).map_err(|error| Error::io("cannot find the task", &path, &error))?,
+    );
+    files.sort();
+    Ok(files)
+}
+
+/// The `task.toml` that a path means.
+fn task_file(path: &Path) -> Result<PathBuf> {
+    if !path.is_dir() {
+        return Ok(path.to_owned());
+    }
+    let file = path.join("task.toml");
+    if !file.is_file() {
+        return Err(Error::bad_input("this folder holds no task.toml, so it is not a task").at(path));
+    }
+    Ok(file)
 }

@@ -7,17 +7,7 @@ use mujoco_rs::renderer::MjRenderer;
 use crate::environment::MujocoEnvironment;
 use crate::model::{Kind, LARGEST_PICTURE, Model};
 use crate::mujoco_task::MujocoTask;
-
-/// A picture, 8 bits a color.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Picture {
-    /// Pixels in a row.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// Red, green, blue of each pixel, row after row from the top; `[height · width · 3]`.
-    pub rgb: Vec<u8>,
-}
+use crate::picture::Picture;
 
 /// Looks at environments of one task through one camera; must stay on the thread that made it.
 pub struct Viewpoint {
@@ -50,6 +40,11 @@ impl Viewpoint {
         })?;
         let renderer = renderer.with_camera(MjvCamera::new_fixed(camera));
         Ok(Self { renderer, model: task.model().clone(), width, height })
+    }
+
+    /// Pixels in a row of its pictures.
+    pub fn width(&self) -> usize {
+        self.width
     }
 
     /// A picture of the environment as it is now.

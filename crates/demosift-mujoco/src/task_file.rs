@@ -231,6 +231,7 @@ pub(crate) struct Noise {
 #[serde(deny_unknown_fields)]
 pub(crate) struct FoldOf {
     pub(crate) fold: crate::heuristic_fold::FoldKind,
+    #[serde(default)]
     pub(crate) of: OneOrMore,
     /// Turns a number of which less is better into a score.
     #[serde(default)]
@@ -255,6 +256,12 @@ pub(crate) enum OneOrMore {
     More(Vec<String>),
 }
 
+impl Default for OneOrMore {
+    fn default() -> Self {
+        Self::More(Vec::new())
+    }
+}
+
 /// A condition on one measurement: exactly one of `is`, `above`, `below`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -270,6 +277,7 @@ pub(crate) struct Condition {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Success {
     pub(crate) fold: crate::heuristic_fold::FoldKind,
+    #[serde(default)]
     pub(crate) of: OneOrMore,
     #[serde(default)]
     pub(crate) when: Vec<Condition>,

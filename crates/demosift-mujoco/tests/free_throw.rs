@@ -1,13 +1,16 @@
 //! Free Throw can be thrown, by physics alone, and tells throws apart.
 #![allow(clippy::unwrap_used, missing_docs)]
 
-use demosift::environment::{EnvVariant, Environment, Task};
+use demosift::environment::{EnvVariant, Environment, Specification, Task};
 use demosift::rows::Rows;
 use demosift::seed::Seed;
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
+use mujoco_rs::prelude::MjModel;
 use rand::RngExt;
 
+/// The throwers, the taller one second.
+const BODIES: [&str; 2] = ["free_throw", "free_throw_taller"];
 const HORIZON: usize = 60;
 const ACTIONS: usize = 21;
 
@@ -105,22 +108,57 @@ fn free_throw_is_judged_by_the_least_distance_of_ball_and_basket() {
 
 #[test]
 fn the_ball_stays_in_the_hand_while_no_torque_is_applied() {
-    let task = registry::load("free_throw").unwrap();
-    let height = task.specification().measurement("above_rim").unwrap();
-    for seed in 0..10 {
-        let episode = play(&task, seed, |_, _| ());
-        let (first, last) = (episode.measurements.row(0)[height], episode.measurements.row(HORIZON)[height]);
-        assert!((first - last).abs() < 0.08, "the ball moved from {first} to {last}");
-        assert!(!episode.scored);
+    for task in BODIES.map(|name| registry::load(name).unwrap()) {
+        let height = task.specification().measurement("above_rim").unwrap();
+        for seed in 0..10 {
+            let episode = play(&task, seed, |_, _| ());
+            let (first, last) =
+                (episode.measurements.row(0)[height], episode.measurements.row(HORIZON)[height]);
+            assert!((first - last).abs() < 0.08, "the ball moved from {first} to {last}");
+            assert!(!episode.scored);
+        }
     }
 }
 
 #[test]
-fn ten_thousand_random_control_steps_neither_warn_nor_score() {
-    let task = registry::load("free_throw").unwrap();
-    let mut rng = Seed::new(5).into_rng();
-    for seed in 0..167 {
-        let episode = play(&task, seed, |_, action| action.fill_with(|| rng.random_range(-1.0..=1.0)));
-        assert!(!episode.scored);
+fn ten_thousand_random_control_steps_never_warn_and_hardly_ever_score() {
+    for task in BODIES.map(|name| registry::load(name).unwrap()) {
+        let (mut rng, mut scored) = (Seed::new(5).into_rng(), 0);
+        for seed in 0..167 {
+            let episode = play(&task, seed, |_, action| action.fill_with(|| rng.random_range(-1.0..=1.0)));
+            scored += usize::from(episode.scored);
+        }
+        // The taller thrower's hand is near the rim, where luck reaches.
+        assert!(scored <= 1, "{scored} of 167 random episodes of {} scored", task.specification().name);
     }
+}
+
+#[test]
+fn the_taller_thrower_differs_in_its_body_alone() {
+    let [task, taller] = BODIES.map(|name| registry::load(name).unwrap());
+    let specification = Specification { name: "free_throw".to_owned(), ..taller.specification().clone() };
+    assert_eq!(specification, *task.specification());
+    assert_eq!(taller.heuristic().unit(), task.heuristic().unit());
+    let [model, grown] = [&task, &taller].map(|task| task.model().mujoco().clone());
+    let place = |model: &MjModel, name: &str| model.body_pos()[model.body(name).unwrap().id];
+    assert_eq!(place(&model, "hoop"), place(&grown, "hoop"));
+    assert_eq!(place(&model, "pelvis")[0], place(&grown, "pelvis")[0], "both stand at the line");
+    for (index, (from, to)) in model.geom_size().iter().zip(grown.geom_size()).enumerate() {
+        assert!(to[0] == from[0] || (to[0] - 1.2 * from[0]).abs() < 1e-9, "geom {index}");
+    }
+}
+
+/// The same torques swing the longer arm through the same angles: what overshoots by far for one scores for neither.
+#[test]
+fn the_scripted_throw_of_one_body_flies_too_far_for_the_taller_one_which_scores_with_less() {
+    let taller = registry::load("free_throw_taller").unwrap();
+    let farthest = taller.specification().measurement("x").unwrap();
+    for seed in 0..40 {
+        let episode = throw(&taller, seed, 1.0);
+        assert!(!episode.scored, "seed {seed}");
+        let reached = episode.measurements.iter().map(|row| row[farthest]).fold(f32::MIN, f32::max);
+        assert!(reached > 0.3, "the ball reached only x = {reached}");
+    }
+    let scored = (0..40).filter(|seed| throw(&taller, *seed, 0.65).scored).count();
+    assert!(scored >= 20, "{scored} of 40 weaker throws scored");
 }

@@ -192,6 +192,36 @@ fn files_are_found_beside_each_other_and_errors_name_them() {
 }
 
 #[test]
+fn a_model_may_include_files_of_another_folder_and_they_belong_to_the_task() {
+    let folder = std::env::temp_dir().join(format!("demosift-task-include-{}", std::process::id()));
+    for name in ["task", "robot"] {
+        std::fs::create_dir_all(folder.join(name)).unwrap();
+    }
+    let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
+    write("task/task.toml", TASK);
+    write("task/cart.xml", "<mujoco><include file=\"../robot/cart.xml\"/></mujoco>");
+    write(
+        "robot/cart.xml",
+        &MODEL.replace("<mujoco>", "<mujocoinclude>").replace("</mujoco>", "</mujocoinclude>"),
+    );
+    registry::load(folder.join("task").to_str().unwrap()).unwrap();
+    let root = std::fs::canonicalize(&folder).unwrap();
+    let wanted = ["robot/cart.xml", "task/cart.xml", "task/task.toml"].map(|name| root.join(name));
+    assert_eq!(registry::files(&folder.join("task")).unwrap(), wanted);
+    assert_eq!(registry::files(&folder.join("task/task.toml")).unwrap(), wanted);
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn a_built_in_model_that_includes_another_is_the_same_as_from_its_files() {
+    let built_in = registry::load("handstand").unwrap();
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tasks/handstand");
+    let from_files = registry::load(folder).unwrap();
+    let masses = |task: &MujocoTask| task.model().mujoco().body_mass().to_vec();
+    assert_eq!(masses(&built_in), masses(&from_files));
+}
+
+#[test]
 fn an_unknown_task_lists_the_known_ones() {
     let error = registry::load("half_chetah").err().unwrap();
     assert!(error.is_bad_input());

@@ -6,7 +6,7 @@
 
 use demosift::advantage::{AdvantageEstimation, Rewarded, advantages};
 use demosift::gail::{self, Discriminator, Fitting};
-use demosift::nn::{Adam, Mlp, Tape, gaussian, sigmoid_in_place};
+use demosift::nn::{Adam, Lstm, LstmTape, Mlp, Tape, gaussian, sigmoid_in_place};
 use demosift::observation_filter::ObservationFilter;
 use demosift::policy::Policy;
 use demosift::rows::Rows;
@@ -46,6 +46,8 @@ fn all() {
     whole_discriminator_step();
     discriminator_fit(60);
     discriminator_fit(1000);
+    siamese_lstm(128, 16.0);
+    siamese_lstm(256, 50.0);
     advantage_estimation();
     observations(1, 0.0012);
     observations(32, 0.0042);
@@ -335,6 +337,47 @@ fn discriminator_fit(demonstrated: usize) {
     let passes = vec![[true, true, false]; fitting.steps];
     let products = bare_in_turn(&DISCRIMINATOR, 2 * fitting.batch, &passes);
     report(&format!("gail::fit, 20 x (500 of {AGENT} + 500 of {demonstrated})"), f64::NAN, &times, &products);
+}
+
+/// One training step of the posterior's recurrent part: 20 sequences of 200 observations, read and learned from.
+fn siamese_lstm(hidden: usize, known_ms: f64) {
+    const STEPS: usize = 200;
+    const SEQUENCES: usize = 20;
+    let lstm = Lstm::new(POLICY[0], hidden);
+    let mut parameters = lstm.initial_parameters(Seed::new(0));
+    let inputs = numbers(STEPS * SEQUENCES * POLICY[0], "observations");
+    let cotangents = numbers(SEQUENCES * hidden, "cotangents");
+    let (mut tape, mut adam) = (LstmTape::default(), Adam::new(parameters.len()));
+    let mut gradient = vec![0.0_f32; parameters.len()];
+    let times = measure(|| {
+        gradient.fill(0.0);
+        lstm.forward(&parameters, &inputs, SEQUENCES, &mut tape);
+        lstm.vjp(&parameters, &inputs, &mut tape, &cotangents, &mut gradient);
+        adam.descend(1e-4, &gradient, &mut parameters);
+        black_box(&parameters);
+    });
+    let shape = |m, n, k, left_transposed| Shape { m, n, k, left_transposed, right_transposed: false };
+    let all = STEPS * SEQUENCES;
+    let mut shapes = vec![
+        shape(all, 4 * hidden, POLICY[0], false),
+        shape(POLICY[0], 4 * hidden, all, true),
+        shape(hidden, 4 * hidden, all - SEQUENCES, true),
+    ];
+    for _ in 1..STEPS {
+        shapes.push(shape(SEQUENCES, 4 * hidden, hidden, false));
+        shapes.push(shape(SEQUENCES, hidden, 4 * hidden, false));
+    }
+    let (values, mut out) = (vec![0.01_f32; all * 4 * hidden], vec![0.0_f32; all * 4 * hidden]);
+    let products = measure(|| {
+        shapes.iter().for_each(|shape| multiply(shape, &values, &mut out));
+        black_box(&out);
+    });
+    report(
+        &format!("LSTM {hidden}, T = {STEPS}, {SEQUENCES} sequences, one step"),
+        known_ms,
+        &times,
+        &products,
+    );
 }
 
 fn advantage_estimation() {

@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::imitate::{self, Imitation, ImitationState, LearningCurve};
 use crate::judge::{self, Judging, ScoreTable};
 use crate::ledger::Ledger;
-use crate::meta_train::{self, MetaState, MetaTraining};
+use crate::meta_train::{self, MetaState, MetaTraining, MutualInformation};
 use crate::observer::{Event, Observer, Snapshot};
 use crate::policy::PolicyShape;
 use crate::rollout::Playground;
@@ -37,6 +37,8 @@ pub struct Config {
     pub inner: InnerUpdate,
     /// Meta-training.
     pub meta_train: MetaTraining,
+    /// Whether and how meta-training is regularized by mutual information.
+    pub mutual_information: MutualInformation,
     /// Judging.
     pub judge: Judging,
     /// Imitation from scratch.
@@ -111,7 +113,7 @@ pub fn check(set: &DemonstrationSet, task: &Specification, config: &Config) -> R
 
 /// Whether each number of the configuration means something by itself.
 fn check_numbers(config: &Config) -> Result<()> {
-    let Config { policy, inner, meta_train, judge, imitate, .. } = config;
+    let Config { policy, inner, meta_train, mutual_information, judge, imitate, .. } = config;
     let mut numbers = Numbers::default();
     numbers.policy("policy", policy);
     numbers.update("inner", inner);
@@ -123,6 +125,7 @@ fn check_numbers(config: &Config) -> Result<()> {
         Wanted::Positive,
     );
     numbers.widths("meta_train.discriminator_hidden", &meta_train.discriminator_hidden);
+    numbers.information("mutual_information", mutual_information);
     numbers.count("judge.iterations", judge.iterations);
     numbers.count("judge.averaged", judge.averaged);
     numbers.count("judge.evaluations", judge.evaluations);
@@ -204,6 +207,23 @@ impl Numbers {
         self.advantage(&format!("{name}.advantage"), advantage);
     }
 
+    fn information(&mut self, name: &str, information: &MutualInformation) {
+        let MutualInformation { batch_steps, posterior, trust_region, .. } = information;
+        self.count(&format!("{name}.batch_steps"), *batch_steps);
+        for (field, count) in [
+            ("lstm", posterior.lstm),
+            ("dense", posterior.dense),
+            ("readings", posterior.readings),
+            ("steps", posterior.steps),
+            ("batch", posterior.batch),
+        ] {
+            self.count(&format!("{name}.posterior.{field}"), count);
+        }
+        let rate = posterior.learning_rate;
+        self.number(&format!("{name}.posterior.learning_rate"), rate, Wanted::Positive);
+        self.trust_region(&format!("{name}.trust_region"), trust_region);
+    }
+
     fn check(&self) -> Result<()> {
         if let Some((name, _)) = self.counts.iter().find(|(_, count)| *count == 0) {
             return Err(Error::bad_config(format!("{name} = 0, and must be at least 1")));
@@ -244,10 +264,10 @@ pub fn prior(run: &mut Run<'_>) -> Result<MetaPrior> {
     let seed = Seed::new(config.seed).of("meta_train");
     let start = || {
         let hidden = &config.meta_train.discriminator_hidden;
-        Ok(MetaState::start(set, &config.policy, hidden, &seed.of("start")))
+        Ok(MetaState::start(set, &config.policy, hidden, &config.mutual_information, &seed.of("start")))
     };
     let (state, mut keeping) = Keeping::begin(*ledger, *observer, meta_train::STAGE, "", start)?;
-    let learning = (&config.meta_train, &config.inner);
+    let learning = (&config.meta_train, &config.inner, &config.mutual_information);
     let prior = meta_train::meta_train(set, playground, learning, state, &seed, &mut keeping)?;
     keeping.finish("", &prior)?;
     Ok(prior)
@@ -417,6 +437,10 @@ mod tests {
         assert_eq!(
             complaint(|config| config.inner.discriminator.entropy = -0.1),
             "inner.discriminator.entropy = -0.1, and must be a number of at least 0"
+        );
+        assert_eq!(
+            complaint(|config| config.mutual_information.posterior.readings = 0),
+            zero("mutual_information.posterior.readings")
         );
         assert_eq!(
             complaint(|config| config.keep = 4),

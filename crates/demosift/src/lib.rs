@@ -58,6 +58,7 @@ pub mod judge;
 pub mod ledger;
 pub mod meta_train;
 pub mod metrics;
+pub mod mutual_information;
 pub mod nn;
 pub mod observation_filter;
 pub mod observer;

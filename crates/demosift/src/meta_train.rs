@@ -1,16 +1,19 @@
-//! Meta-imitation-learning (§4.1; Algorithm 1 without lines 10 to 14): a policy and a discriminator that adapt to any demonstration.
+//! Meta-imitation-learning (§4.1, §4.2; Algorithm 1): a policy and a discriminator that adapt to any demonstration.
 //!
-//! Each round adapts the meta-parameters to every demonstration of a batch by one inner update, plays the adapted
-//! policies, and moves the meta-parameters so that the adapted policies would have imitated better.
+//! Each round adapts the meta-parameters to every demonstration of a batch by one inner update, moves the adapted policies
+//! so that their behavior tells what they imitated (if mutual information regularizes), plays them, and moves the
+//! meta-parameters so that the adapted policies would have imitated better.
 //!
 //! | Algorithm 1 | here |
 //! |---|---|
-//! | 1: initialize θ, D_meta | [`MetaState::start`] |
-//! | 2: sample a batch of demonstrations | [`tasks_of_round`] |
-//! | 4–6: for all v_i, for all e_j | the parallel loop in [`round`] |
-//! | 7: sample K trajectories using f_θ | `before` in [`round`]: with common random numbers they are the same for every v_i, so they are played once per variant |
-//! | 8, 9: θ'_i, D'_meta,i | [`adapt::update`] in [`adapt_and_play`] |
-//! | 15: sample K trajectories using the adapted policy | [`adapt_and_play`] |
+//! | 1: initialize θ, Q, D_meta | [`MetaState::start`] |
+//! | 2, 5: sample a batch of demonstrations, and of environments for each | [`tasks_of_round`] |
+//! | 3: while not done | [`meta_train`] |
+//! | 4, 6, 16, 17: for all v_i, for all e_j | the parallel loops in the steps of [`Round::play`] |
+//! | 7: sample K trajectories using f_θ | [`play_before`]: with common random numbers they are the same for every v_i, so they are played once per variant |
+//! | 8, 9: θ'_i, D'_meta,i | [`adapt::update`] in [`imitate`] |
+//! | 10 to 14: Q, θ''_i | [`regularize`], line by line in its file; without it θ''_i is θ'_i |
+//! | 15: sample K trajectories using f_θ''_i | [`play_adapted`] |
 //! | 18: meta-update θ as (2) | [`meta_update_policy`] |
 //! | 19: meta-update D_meta as (3) | [`meta_update_discriminator`] |
 //!
@@ -18,6 +21,8 @@
 //! the meta-gradients are of first order, which Eq. 3 is as written.
 //! The batch of line 2 is drawn anew in each round, and line 5 draws one variant for each demonstration: with few
 //! trajectories, more rounds say more than more variants in each.
+
+mod regularize;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -27,6 +32,7 @@ use crate::demonstration::{DemoId, DemonstrationSet};
 use crate::environment::EnvVariant;
 use crate::error::{Error, Result};
 use crate::gail;
+use crate::mutual_information::{self, Sequences};
 use crate::nn::adam::Adam;
 use crate::observer::{Event, Observer};
 use crate::policy::{Policy, PolicyShape};
@@ -34,6 +40,9 @@ use crate::rollout::{self, Acting, Playground};
 use crate::rows::Rows;
 use crate::seed::Seed;
 use crate::trpo::{self, Step, TrustRegion};
+
+pub use regularize::{MutualInformation, PosteriorState};
+use regularize::{Regularizer, regularize};
 
 /// How the meta-parameters are trained.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -62,34 +71,47 @@ pub struct MetaState {
     pub prior: MetaPrior,
     /// Moments of D_meta's Adam.
     pub discriminator_adam: Adam,
+    /// Environment steps taken in these rounds, those of lines 10 and 12 among them.
+    pub environment_steps: u64,
+    /// Q, where mutual information regularizes.
+    pub posterior: Option<PosteriorState>,
 }
 
 /// Name of the stage in events.
 pub const STAGE: &str = "meta_train";
 
-/// Algorithm 1 without its mutual-information lines.
+/// Algorithm 1.
 pub fn meta_train(
     set: &DemonstrationSet,
     playground: &Playground<'_>,
-    (training, inner): (&MetaTraining, &InnerUpdate),
+    (training, inner, information): (&MetaTraining, &InnerUpdate, &MutualInformation),
     mut state: MetaState,
     seed: &Seed,
     observer: &mut dyn Observer,
 ) -> Result<MetaPrior> {
     let demonstrated = state.prior.demonstrated_pairs(set);
+    let encodings = mutual_information::encodings(set);
     observer.on(Event::Started { stage: STAGE, done: state.rounds, total: training.rounds });
     while state.rounds < training.rounds {
-        let tasks = tasks_of_round(set, playground, training.meta_batch, seed.of("batch").at(state.rounds));
-        let round_seed = seed.of("round").at(state.rounds);
         let number = state.rounds;
         let during = |error: Error| error.during(&format!("meta-training, round {number}"));
-        let outcomes =
-            round(&state.prior, &demonstrated, &tasks, playground, inner, &round_seed).map_err(during)?;
-        let step = meta_update_policy(&mut state.prior.policy, &outcomes, inner, &training.trust_region)
+        let tasks = tasks_of_round(set, playground, training.meta_batch, seed.of("batch").at(number));
+        let seed = seed.of("round").at(number);
+        let round = Round { prior: &state.prior, tasks: &tasks, playground, inner, seed: &seed };
+        let regularizer = state.posterior.as_mut().map(|state| Regularizer {
+            how: information,
+            state,
+            encodings: &encodings,
+        });
+        let played = round.play(&demonstrated, regularizer).map_err(during)?;
+        let step =
+            meta_update_policy(&mut state.prior.policy, &played.outcomes, inner, &training.trust_region)
+                .map_err(during)?;
+        meta_update_discriminator(&mut state, &demonstrated, &played.outcomes, training, inner)
             .map_err(during)?;
-        meta_update_discriminator(&mut state, &demonstrated, &outcomes, training, inner).map_err(during)?;
         state.rounds += 1;
-        report(&state, &outcomes, &step, observer);
+        state.environment_steps += played.environment_steps as u64;
+        report(&state, &played, &step, observer);
         if state.rounds.is_multiple_of(training.checkpoint_every.max(1)) {
             observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &state });
         }
@@ -98,25 +120,38 @@ pub fn meta_train(
 }
 
 impl MetaState {
-    /// Line 1: random θ, undecided D_meta, behind the filter of the whole set.
+    /// Line 1: random θ, undecided D_meta, behind the filter of the whole set; random Q if there is to be one.
     pub fn start(
         set: &DemonstrationSet,
         shape: &PolicyShape,
         discriminator_hidden: &[usize],
+        information: &MutualInformation,
         seed: &Seed,
     ) -> Self {
         let prior = Learner::untrained(set, shape, discriminator_hidden, seed);
         let discriminator_adam = Adam::new(prior.discriminator.parameters().len());
-        Self { rounds: 0, prior, discriminator_adam }
+        let posterior = information
+            .enabled
+            .then(|| PosteriorState::start(set, &information.posterior, seed.of("posterior")));
+        Self { rounds: 0, prior, discriminator_adam, environment_steps: 0, posterior }
     }
 }
 
 /// What came of one demonstration under one variant in a round.
 struct Outcome {
     demo: DemoId,
+    variant: EnvVariant,
     adapted: Learner,
     after: Played,
     update: UpdateReport,
+}
+
+/// What came of a round.
+struct PlayedRound {
+    outcomes: Vec<Outcome>,
+    information: Option<regularize::Report>,
+    behavior_spread: f64,
+    environment_steps: usize,
 }
 
 /// Lines 2 and 5: which demonstrations and variants this round is about.
@@ -138,60 +173,112 @@ fn tasks_of_round(
     ids.into_iter().map(|id| (id, *variants.choose(&mut rng).expect("a task has a variant"))).collect()
 }
 
-/// Lines 4 to 17.
-fn round(
-    prior: &MetaPrior,
-    demonstrated: &[Rows],
-    tasks: &[(DemoId, EnvVariant)],
-    playground: &Playground<'_>,
-    inner: &InnerUpdate,
-    seed: &Seed,
-) -> Result<Vec<Outcome>> {
-    let episodes = inner.episodes(playground.specification().horizon);
-    let mut variants: Vec<EnvVariant> = tasks.iter().map(|(_, variant)| *variant).collect();
-    variants.sort_unstable();
-    variants.dedup();
-    let before: Vec<(EnvVariant, Played)> = variants
-        .into_par_iter()
-        .map(|variant| {
-            let seeds = seed.of("before").at(variant.0).many(episodes);
-            let trajectories = rollout::play(playground, &prior.policy, Acting::Sampled, variant, seeds)?;
-            Ok((variant, Played::new(playground, &prior.policy, &trajectories)))
-        })
-        .collect::<Result<_>>()?;
-    tasks
-        .par_iter()
-        .map(|(demo, variant)| {
-            let (_, before) = before.iter().find(|(played, _)| played == variant).expect("played above");
-            let seed = seed.of("after").at(variant.0);
-            adapt_and_play(
-                prior,
-                (*demo, &demonstrated[demo.0]),
-                before,
-                playground,
-                (*variant, inner),
-                &seed,
-            )
-        })
-        .collect()
+/// What a round is about.
+struct Round<'a> {
+    prior: &'a MetaPrior,
+    tasks: &'a [(DemoId, EnvVariant)],
+    playground: &'a Playground<'a>,
+    inner: &'a InnerUpdate,
+    seed: &'a Seed,
 }
 
-/// Lines 8, 9 and 15 for one demonstration.
-fn adapt_and_play(
-    prior: &MetaPrior,
-    (demo, demonstrated): (DemoId, &Rows),
-    before: &Played,
-    playground: &Playground<'_>,
-    (variant, inner): (EnvVariant, &InnerUpdate),
-    seed: &Seed,
-) -> Result<Outcome> {
-    let mut adam = Adam::new(prior.discriminator.parameters().len());
-    let (adapted, update) =
-        adapt::update(prior, before, &[demonstrated], (inner, inner.alpha(0)), &mut adam, seed.of("fit"))?;
-    let seeds = seed.of("play").many(inner.episodes(playground.specification().horizon));
-    let trajectories = rollout::play(playground, &adapted.policy, Acting::Sampled, variant, seeds)?;
-    let after = Played::new(playground, &adapted.policy, &trajectories);
-    Ok(Outcome { demo, adapted, after, update })
+/// What θ does under a variant; with common random numbers it is the same for every v_i.
+type Before = (EnvVariant, Played);
+
+/// θ'_i and D'_meta,i, and after line 14 θ''_i.
+struct Imitator {
+    demo: DemoId,
+    variant: EnvVariant,
+    adapted: Learner,
+    update: UpdateReport,
+}
+
+impl Round<'_> {
+    /// Lines 4 to 17.
+    fn play(&self, demonstrated: &[Rows], regularizer: Option<Regularizer<'_>>) -> Result<PlayedRound> {
+        let before = play_before(self, "before", self.inner.episodes(self.horizon()))?;
+        let mut imitators = imitate(self, &before, demonstrated)?;
+        let information = regularizer
+            .map(|regularizer| regularize(self, &before, &mut imitators, regularizer))
+            .transpose()?;
+        let outcomes = play_adapted(self, imitators)?;
+        let played = before.iter().map(|(_, before)| before).chain(outcomes.iter().map(|one| &one.after));
+        let environment_steps = played.map(|played| played.observations.len()).sum::<usize>()
+            + information.as_ref().map_or(0, |report| report.environment_steps);
+        let behavior_spread = behavior_spread(self, &outcomes);
+        Ok(PlayedRound { outcomes, information, behavior_spread, environment_steps })
+    }
+
+    fn horizon(&self) -> usize {
+        self.playground.specification().horizon
+    }
+
+    /// Episodes as sequences of equal length.
+    fn read(&self, played: &Played, readings: usize) -> Sequences {
+        Sequences::read(&played.observations, &played.lengths, (self.horizon(), readings))
+    }
+}
+
+/// Line 7, and the first half of line 12: what θ does under each variant of the round.
+fn play_before(round: &Round<'_>, name: &str, episodes: usize) -> Result<Vec<Before>> {
+    let mut variants: Vec<EnvVariant> = round.tasks.iter().map(|(_, variant)| *variant).collect();
+    variants.sort_unstable();
+    variants.dedup();
+    let play = |variant: EnvVariant| {
+        let seeds = round.seed.of(name).at(variant.0).many(episodes);
+        let policy = &round.prior.policy;
+        let trajectories = rollout::play(round.playground, policy, Acting::Sampled, variant, seeds)?;
+        Ok((variant, Played::new(round.playground, policy, &trajectories)))
+    };
+    variants.into_par_iter().map(play).collect()
+}
+
+/// Lines 8 and 9.
+fn imitate(round: &Round<'_>, before: &[Before], demonstrated: &[Rows]) -> Result<Vec<Imitator>> {
+    let Round { prior, tasks, inner, seed, .. } = *round;
+    let imitate = |(demo, variant): &(DemoId, EnvVariant)| {
+        let (_, before) = before.iter().find(|(played, _)| played == variant).expect("played before");
+        let mut adam = Adam::new(prior.discriminator.parameters().len());
+        let seed = seed.of("after").at(variant.0).of("fit");
+        let demonstrated = &[&demonstrated[demo.0]];
+        let (adapted, update) =
+            adapt::update(prior, before, demonstrated, (inner, inner.alpha(0)), &mut adam, seed)?;
+        Ok(Imitator { demo: *demo, variant: *variant, adapted, update })
+    };
+    tasks.par_iter().map(imitate).collect()
+}
+
+/// Line 15.
+fn play_adapted(round: &Round<'_>, imitators: Vec<Imitator>) -> Result<Vec<Outcome>> {
+    let play = |Imitator { demo, variant, adapted, update }| {
+        let seed = round.seed.of("after").at(variant.0).of("play");
+        let seeds = seed.many(round.inner.episodes(round.horizon()));
+        let trajectories = rollout::play(round.playground, &adapted.policy, Acting::Sampled, variant, seeds)?;
+        let after = Played::new(round.playground, &adapted.policy, &trajectories);
+        Ok(Outcome { demo, variant, adapted, after, update })
+    };
+    imitators.into_par_iter().map(play).collect()
+}
+
+/// How far the adapted behaviors lie apart: the root mean square, over times and filtered observations, of what the mean
+/// trajectory after imitating one demonstration differs from the mean over all demonstrations of the same variant.
+///
+/// Played with the same random numbers, policies that are the same have spread 0.
+fn behavior_spread(round: &Round<'_>, outcomes: &[Outcome]) -> f64 {
+    const READINGS: usize = 50;
+    let means: Vec<(EnvVariant, Vec<f64>)> =
+        outcomes.iter().map(|one| (one.variant, round.read(&one.after, READINGS).mean())).collect();
+    let (mut squares, mut count) = (0.0, 0);
+    for (variant, mean) in &means {
+        let others: Vec<&Vec<f64>> =
+            means.iter().filter(|(other, _)| other == variant).map(|(_, mean)| mean).collect();
+        for (at, value) in mean.iter().enumerate() {
+            let center = others.iter().map(|other| other[at]).sum::<f64>() / others.len() as f64;
+            squares += (value - center).powi(2);
+        }
+        count += mean.len();
+    }
+    (squares / count.max(1) as f64).sqrt()
 }
 
 /// Line 18, Eq. 2, first order: θ moves as all adapted θ'_i would move together to imitate better.
@@ -252,27 +339,34 @@ fn meta_update_discriminator(
     Ok(())
 }
 
-fn report(state: &MetaState, outcomes: &[Outcome], step: &Step, observer: &mut dyn Observer) {
+fn report(state: &MetaState, played: &PlayedRound, step: &Step, observer: &mut dyn Observer) {
+    let PlayedRound { outcomes, information, behavior_spread, .. } = played;
     let mean =
         |value: &dyn Fn(&Outcome) -> f64| outcomes.iter().map(value).sum::<f64>() / outcomes.len() as f64;
     let after =
         |outcome: &Outcome| outcome.after.scores.iter().sum::<f64>() / outcome.after.scores.len() as f64;
-    observer.on(Event::Measured {
-        stage: STAGE,
-        part: "",
-        iteration: state.rounds,
-        numbers: &[
-            ("score_before", mean(&|outcome| outcome.update.score)),
-            ("score_after", mean(&after)),
-            ("discriminator_loss", mean(&|outcome| outcome.update.discriminator_loss)),
-            ("discriminator_accuracy", mean(&|outcome| outcome.update.discriminator_accuracy)),
-            ("reward_mean", mean(&|outcome| outcome.update.reward_mean)),
-            ("reward_std", mean(&|outcome| outcome.update.reward_std)),
-            ("inner_kl", mean(&|outcome| outcome.update.kl)),
-            ("meta_kl", step.kl),
-            ("meta_improvement", step.improvement),
-        ],
-    });
+    let mut numbers = vec![
+        ("score_before", mean(&|outcome| outcome.update.score)),
+        ("score_after", mean(&after)),
+        ("discriminator_loss", mean(&|outcome| outcome.update.discriminator_loss)),
+        ("discriminator_accuracy", mean(&|outcome| outcome.update.discriminator_accuracy)),
+        ("reward_mean", mean(&|outcome| outcome.update.reward_mean)),
+        ("reward_std", mean(&|outcome| outcome.update.reward_std)),
+        ("inner_kl", mean(&|outcome| outcome.update.kl)),
+        ("meta_kl", step.kl),
+        ("meta_improvement", step.improvement),
+        ("environment_steps", state.environment_steps as f64),
+        ("behavior_spread", *behavior_spread),
+    ];
+    if let Some(information) = information {
+        numbers.extend([
+            ("log_q", information.log_q),
+            ("encoding_explained", information.explained),
+            ("posterior_std", information.std),
+            ("information_kl", information.kl),
+        ]);
+    }
+    observer.on(Event::Measured { stage: STAGE, part: "", iteration: state.rounds, numbers: &numbers });
     observer.on(Event::Advanced { stage: STAGE, done: state.rounds });
 }
 
@@ -301,11 +395,15 @@ mod tests {
         let playground = Playground::new(&task);
         let (_, inner) = learning();
         let shape = PolicyShape { hidden: vec![6], initial_std: 0.5 };
-        let state = MetaState::start(set, &shape, &[8], &Seed::new(1));
+        let information = Preset::Quick.config().mutual_information;
+        let state = MetaState::start(set, &shape, &[8], &information, &Seed::new(1));
         let demonstrated = state.prior.demonstrated_pairs(set);
         let tasks: Vec<_> = set.ids().into_iter().map(|id| (id, EnvVariant(0))).collect();
-        let outcomes = round(&state.prior, &demonstrated, &tasks, &playground, &inner, &Seed::new(2));
-        (state, demonstrated, outcomes.expect("finite numbers"))
+        let seed = Seed::new(2);
+        let round =
+            Round { prior: &state.prior, tasks: &tasks, playground: &playground, inner: &inner, seed: &seed };
+        let played = round.play(&demonstrated, None).expect("finite numbers");
+        (state, demonstrated, played.outcomes)
     }
 
     /// With a damping that dwarfs the Fisher matrix the step goes along the meta-gradient, which first order takes to be the

@@ -6,7 +6,8 @@ use crate::experiment::Config;
 use crate::gail::Fitting;
 use crate::imitate::Imitation;
 use crate::judge::Judging;
-use crate::meta_train::MetaTraining;
+use crate::meta_train::{MetaTraining, MutualInformation};
+use crate::mutual_information::{Credit, Paid, PosteriorFitting};
 use crate::policy::PolicyShape;
 use crate::rollout::Acting;
 use crate::trpo::TrustRegion;
@@ -41,6 +42,21 @@ impl Preset {
                 discriminator_learning_rate: 1e-3,
                 discriminator_hidden: vec![100, 100],
                 checkpoint_every: 10,
+            },
+            mutual_information: MutualInformation {
+                enabled: false,
+                paid: Paid::Before,
+                credit: Credit::Trajectory,
+                batch_steps: self.by(1000, 1000, 2000),
+                posterior: PosteriorFitting {
+                    lstm: 128,
+                    dense: 64,
+                    readings: 50,
+                    learning_rate: 3e-3,
+                    steps: self.by(20, 20, 20),
+                    batch: 32,
+                },
+                trust_region: TrustRegion { max_kl: 0.03, ..TrustRegion::default() },
             },
             judge: Judging {
                 iterations: self.by(20, 30, 10),

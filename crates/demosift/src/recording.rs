@@ -10,9 +10,9 @@ use crate::demonstrator::Stage;
 use crate::environment::{EnvVariant, Specification};
 use crate::error::{Error, Result};
 use crate::heuristic::Score;
-use crate::rollout::{self, Acting, Playground, StateLog};
+use crate::rollout::{self, Acting, Playground};
 use crate::seed::Seed;
-use crate::trajectory::Trajectory;
+use crate::trajectory::{StateLog, Trajectory};
 
 /// One demonstrator's part in a set: an episode each of these stages, the worst first.
 pub struct Part<'p, 't> {
@@ -346,6 +346,35 @@ mod tests {
         for recorded in &recorded {
             assert!(second.iter().all(|other| other.trajectory.actions() != recorded.trajectory.actions()));
         }
+    }
+
+    #[test]
+    fn a_guest_is_recorded_only_at_stages_at_which_it_succeeds() {
+        let mut stages = stages(&[0.0, 1.0, 2.0, 3.0]);
+        assert!(guest_stages(&stages, 2).expect_err("nobody says success").is_bad_input());
+        for (stage, success) in stages.iter_mut().zip([0.0, 0.3, 0.5, 0.9]) {
+            stage.success = Some(success);
+        }
+        let scores = |count| -> Vec<f64> {
+            guest_stages(&stages, count).expect("some").iter().map(|stage| stage.score).collect()
+        };
+        assert_eq!(scores(2), [2.0, 3.0]);
+        assert_eq!(scores(4), [2.0, 2.0, 3.0, 3.0]);
+        let error = guest_stages(&stages[..2], 1).expect_err("not good enough");
+        assert!(error.to_string().contains("reaches 30 %"), "{error}");
+    }
+
+    #[test]
+    fn a_guest_must_have_the_sizes_of_the_task() {
+        use crate::environment::Task as _;
+        let (one, two) = (PointMass::new(), PointMass::with_goals(2));
+        check_guest(one.specification(), one.specification()).expect("the same");
+        let error = check_guest(one.specification(), two.specification()).expect_err("other goals");
+        assert!(error.to_string().contains("has 2 variants, and 'point_mass' has 1"), "{error}");
+        let mut longer = one.specification().clone();
+        longer.horizon += 1;
+        let error = check_guest(one.specification(), &longer).expect_err("its length tells it");
+        assert!(error.to_string().contains("steps in an episode"), "{error}");
     }
 
     #[test]

@@ -12,7 +12,7 @@ use crate::heuristic::Score;
 use crate::policy::{Player, Policy};
 use crate::rows::Rows;
 use crate::seed::Seed;
-use crate::trajectory::{Parts, Trajectory};
+use crate::trajectory::{Parts, StateLog, Trajectory};
 
 /// How a policy acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -100,15 +100,6 @@ fn play_episode(
     let trajectory = played?;
     playground.steps.fetch_add(trajectory.steps() as u64, Ordering::Relaxed);
     Ok(trajectory)
-}
-
-/// The simulator's states of an episode, one row for each of its T actions.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct StateLog {
-    /// Generalized positions, `[T, nq]` flat.
-    pub qpos: Vec<f64>,
-    /// Generalized velocities, `[T, nv]` flat.
-    pub qvel: Vec<f64>,
 }
 
 /// The states from which an episode's actions were taken, found by playing them again from the episode's seed.

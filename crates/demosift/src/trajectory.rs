@@ -95,6 +95,15 @@ impl Trajectory {
     }
 }
 
+/// The simulator's states of an episode, one row for each of its T actions: for replays, never for judging.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StateLog {
+    /// Generalized positions, `[T, nq]` flat.
+    pub qpos: Vec<f64>,
+    /// Generalized velocities, `[T, nv]` flat.
+    pub qvel: Vec<f64>,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

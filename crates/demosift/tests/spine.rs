@@ -11,11 +11,13 @@ use demosift::experiment::{self, Config, Keeping, Run, Sifted};
 use demosift::imitate::Imitation;
 use demosift::judge::Judging;
 use demosift::ledger::{InMemory, Ledger};
-use demosift::meta_train::MetaTraining;
+use demosift::meta_train::{MetaTraining, MutualInformation};
+use demosift::mutual_information::PosteriorFitting;
 use demosift::observer::{Event, Observer, Silent};
 use demosift::point_mass::{PointMass, planted_set};
 use demosift::policy::PolicyShape;
 use demosift::preset::Preset;
+use demosift::recording;
 use demosift::rollout::Playground;
 use demosift::seed::Seed;
 use demosift::select;
@@ -40,6 +42,17 @@ fn small(seed: u64) -> Config {
             discriminator_hidden: vec![32, 32],
             checkpoint_every: 3,
             ..quick.meta_train
+        },
+        mutual_information: MutualInformation {
+            batch_steps: 150,
+            posterior: PosteriorFitting {
+                lstm: 12,
+                dense: 8,
+                readings: 10,
+                batch: 48,
+                ..quick.mutual_information.posterior
+            },
+            ..quick.mutual_information
         },
         judge: Judging { iterations: 6, evaluations: 10, repeats: 2, ..quick.judge },
         imitate: Imitation {
@@ -226,6 +239,13 @@ fn brief(seed: u64) -> Config {
     config
 }
 
+/// The same with mutual information.
+fn informed(seed: u64) -> Config {
+    let mut config = brief(seed);
+    config.mutual_information.enabled = true;
+    config
+}
+
 fn sift(config: &Config, ledger: &mut InMemory, observer: &mut dyn Observer) -> Sifted {
     let set = planted_set(&[0.0, 120.0, 180.0], Seed::new(9)).unwrap();
     let task = PointMass::new();
@@ -250,28 +270,36 @@ fn nouns(ledger: &InMemory) -> Vec<Vec<u8>> {
 
 #[test]
 fn one_thread_makes_what_four_threads_make() {
-    let on = |threads: usize| {
+    let on = |threads: usize, config: &Config| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let mut ledger = InMemory::default();
-            sift(&brief(4), &mut ledger, &mut Silent);
+            sift(config, &mut ledger, &mut Silent);
             nouns(&ledger)
         })
     };
-    assert_eq!(on(1), on(4));
+    let (plain, informed) = (on(1, &brief(4)), on(1, &informed(4)));
+    assert_eq!(plain, on(4, &brief(4)));
+    assert_eq!(informed, on(4, &self::informed(4)));
+    assert_ne!(plain[0], informed[0], "mutual information makes another prior");
 }
 
 #[test]
 fn a_run_killed_at_any_checkpoint_goes_on_to_the_same_bytes() {
-    let config = brief(4);
+    for config in [brief(4), informed(4)] {
+        goes_on_to_the_same_bytes(&config);
+    }
+}
+
+fn goes_on_to_the_same_bytes(config: &Config) {
     let (mut whole, mut count) = (InMemory::default(), Count::default());
-    let sifted = sift(&config, &mut whole, &mut count);
+    let sifted = sift(config, &mut whole, &mut count);
     assert!(count.0 >= 7, "meta-training, judging and both imitations have checkpoints: {}", count.0);
     for kill in 1..=count.0 {
         let mut ledger = InMemory::default();
         let mut killed = KilledAt { checkpoints_left: kill };
-        catch_unwind(AssertUnwindSafe(|| sift(&config, &mut ledger, &mut killed))).expect_err("killed");
-        assert_eq!(sift(&config, &mut ledger, &mut Silent), sifted, "killed at checkpoint {kill}");
+        catch_unwind(AssertUnwindSafe(|| sift(config, &mut ledger, &mut killed))).expect_err("killed");
+        assert_eq!(sift(config, &mut ledger, &mut Silent), sifted, "killed at checkpoint {kill}");
         assert_eq!(nouns(&ledger), nouns(&whole), "killed at checkpoint {kill}");
     }
 }
@@ -353,7 +381,7 @@ fn a_demonstrator_learns_the_task_from_its_reward() {
     assert!(last.success.unwrap() >= 0.95, "{:?}", last.success);
     assert!(last.score > first.score + 0.5 && last.task_return > first.task_return + 0.5);
     assert_eq!(last.environment_steps, last.updates * 20 * 30);
-    let chosen = demonstrator::choose_stages(&stages, 3).unwrap();
+    let chosen = recording::choose_stages(&stages.iter().collect::<Vec<_>>(), 3).unwrap();
     assert!(chosen[0].score < chosen[1].score && chosen[1].score < chosen[2].score);
 }
 

@@ -221,6 +221,20 @@ fn the_library_has_no_hash_map_catches() {
 }
 
 #[test]
+fn the_library_reads_no_states() {
+    tidy(rules::library_reads_no_states(&library()));
+}
+
+#[test]
+fn the_library_reads_no_states_catches() {
+    let library = [
+        planted("demonstration/d4rl/states", "pub fn read_states() {}"),
+        planted("judge", "use crate::demonstration::d4rl;\nlet states = d4rl::read_states(path)?;"),
+    ];
+    caught(&rules::library_reads_no_states(&library), &["crates/demosift/src/judge.rs:2"]);
+}
+
+#[test]
 fn unsafe_stands_in_named_files() {
     tidy(rules::unsafe_stands_in_named_files(&crates()));
 }

@@ -11,6 +11,8 @@ const UNSAFE_FILES: [&str; 3] = [
     "crates/demosift/benches/learner.rs",
 ];
 const TERMINAL: &str = "crates/demosift-cli/src/terminal.rs";
+/// The module that hands on the simulator's states of recorded episodes.
+const STATES_READER: &str = "crates/demosift/src/demonstration/d4rl";
 const MOST_LINES: usize = 600;
 /// Modules that learn and judge, and everything below them.
 const ABOVE_JUDGING: [&str; 5] = ["select", "metrics", "provenance", "artifact", "experiment"];
@@ -105,6 +107,17 @@ pub(crate) fn judging_knows_no_provenance(library: &[Source]) -> Vec<Violation> 
         }
     }
     violations
+}
+
+/// Scores can be worked out from the simulator's states, so no module of the library but their reader asks for them.
+pub(crate) fn library_reads_no_states(library: &[Source]) -> Vec<Violation> {
+    let others = library.iter().filter(|source| !source.path.starts_with(STATES_READER));
+    forbidden_words(
+        others,
+        &["read_states"],
+        "states",
+        "a score could be worked out from them; replays are outside",
+    )
 }
 
 fn judges(path: &str) -> bool {

@@ -15,13 +15,18 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
         let prior = experiment::prior(run)?;
         experiment::scores(run, &prior)
     })?;
+    let (ranking, own) = (select::rank(&scores), job.own());
     if arguments.run.json {
-        terminal::show_json(
-            &json!({ "scores": scores, "unit": job.unit(), "run_folder": job.folder().path() }),
-        );
+        terminal::show_json(&json!({
+            "scores": scores,
+            "own": own.scores(),
+            "spearman_with_own": own.agreement(&ranking),
+            "unit": job.unit(),
+            "run_folder": job.folder().path(),
+        }));
         return Ok(());
     }
-    terminal::show(&tables::ranking(job.set(), &select::rank(&scores), None, job.unit()));
+    terminal::show(&tables::ranking(job.set(), &ranking, None, &own, job.unit()));
     terminal::show(&kept_in(job.folder()));
     Ok(())
 }

@@ -360,7 +360,6 @@ fn table(origins: &[Origin], unit: &str) -> String {
     header.extend(bodies.then_some("task"));
     header.extend(variants.then_some("variant"));
     header.extend(["steps", &titles[0], "success", "recorded after", &titles[1], "stage's success"]);
-    let success = |succeeded: bool| if succeeded { "yes" } else { "no" }.to_owned();
     let rows: Vec<Vec<String>> = origins
         .iter()
         .map(|origin| {
@@ -370,7 +369,7 @@ fn table(origins: &[Origin], unit: &str) -> String {
             row.extend([
                 origin.steps.to_string(),
                 scale.plain(origin.score),
-                origin.succeeded.map_or("-".to_owned(), success),
+                origin.succeeded.map_or("-".to_owned(), tables::yes_or_no),
                 format!("{} updates", origin.updates),
                 scale.plain(origin.stage_score),
                 origin.stage_success.map_or("-".to_owned(), tables::percent),

@@ -13,16 +13,19 @@ use crate::{tables, terminal};
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = Job::open(arguments)?;
     let (ranking, subset) = job.run(selection)?;
+    let own = job.own();
     if arguments.run.json {
         terminal::show_json(&json!({
             "ranking": ranking.entries,
             "kept": subset.demos,
+            "own": own.scores(),
+            "spearman_with_own": own.agreement(&ranking),
             "unit": job.unit(),
             "run_folder": job.folder().path(),
         }));
         return Ok(());
     }
-    terminal::show(&tables::ranking(job.set(), &ranking, Some(&subset), job.unit()));
+    terminal::show(&tables::ranking(job.set(), &ranking, Some(&subset), &own, job.unit()));
     terminal::show(&kept_in(job.folder()));
     Ok(())
 }

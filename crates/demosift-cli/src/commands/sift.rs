@@ -13,10 +13,13 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = Job::open(arguments)?;
     let sifted = job.run(experiment::sift)?;
     let Sifted { ranking, subset, from_subset, from_all, .. } = &sifted;
+    let own = job.own();
     if arguments.run.json {
         terminal::show_json(&json!({
             "ranking": ranking.entries,
             "kept": subset.demos,
+            "own": own.scores(),
+            "spearman_with_own": own.agreement(ranking),
             "from_subset": from_subset.outcome,
             "from_all": from_all.outcome,
             "unit": job.unit(),
@@ -24,7 +27,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
         }));
         return Ok(());
     }
-    terminal::show(&tables::ranking(job.set(), ranking, Some(subset), job.unit()));
+    terminal::show(&tables::ranking(job.set(), ranking, Some(subset), &own, job.unit()));
     terminal::show("\n");
     terminal::show(&tables::comparison(job.set(), from_subset, from_all, job.unit()));
     terminal::show(&kept_in(job.folder()));

@@ -32,6 +32,10 @@ checkpoint_every = 2
 batch_steps = 300
 ";
 
+/// A recording of the point mass that takes a second.
+pub(crate) const RECORD: &str = "record --task point_mass --count 3 --set demonstrator.snapshot_every=1 \
+                                 --set demonstrator.batch_steps=300 --set demonstrator.checkpoint_every=2";
+
 /// A folder that goes away with the test; commands run in it.
 pub(crate) struct Scratch(pub(crate) PathBuf);
 
@@ -84,6 +88,11 @@ impl Drop for Scratch {
     fn drop(&mut self) {
         let _ = std::fs::remove_dir_all(&self.0);
     }
+}
+
+/// A file that the repository carries.
+pub(crate) fn in_repository(path: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").join(path)
 }
 
 /// Two folders hold the same files, byte for byte.

@@ -16,6 +16,13 @@ const GRAVITY: f64 = 9.81;
 /// Meters of miss for a meter by which the arc stays below the rim.
 const MISS_PER_MISSING_HEIGHT: f64 = 2.0;
 
+/// Radii of ball and hoop, m, as in the model.
+const BALL_RADIUS: f64 = 0.12;
+const HOOP_RADIUS: f64 = 0.25;
+
+/// Meters of miss for a meter by which the hoop, seen along the arc's end, is too narrow for the ball.
+const MISS_PER_MISSING_WIDTH: f64 = 4.0;
+
 /// Pairs of reward for a step without a miss, and the miss in m at which it has fallen to 1/e.
 /// The first one tells a hit from a near miss, the second one a throw from a drop.
 const REWARDS: [(f64, f64); 2] = [(0.5, 0.4), (0.3, 2.0)];
@@ -57,6 +64,8 @@ impl RewardShaping for FreeThrow {
 /// t = (v_z + √(v_z² + 2 g z)) / g, miss = ‖(x, y) + (v_x, v_y) t‖.
 ///
 /// If it never does, the miss is taken at the highest point that it still reaches, and what is missing in height is added.
+/// A ball that comes at an angle φ to the plane sees the hoop narrowed to R sin φ; what is then missing for its radius is
+/// added too, or a thrower whose hand is near the rim would learn to throw flat and bounce off it.
 /// Both forms agree where the arc just touches the plane. `position` is relative to the hoop's center, m; `velocity` in m/s.
 fn predicted_miss(position: [f64; 3], velocity: [f64; 3]) -> f64 {
     let [x, y, z] = position;
@@ -68,7 +77,12 @@ fn predicted_miss(position: [f64; 3], velocity: [f64; 3]) -> f64 {
     } else {
         rise_secs
     };
-    (x + v_x * secs).hypot(y + v_y * secs) + MISS_PER_MISSING_HEIGHT * (-top).max(0.0)
+    let v_fall = (2.0 * GRAVITY * top.max(0.0)).sqrt();
+    let speed = v_fall.hypot(v_x.hypot(v_y));
+    let sine = if speed > 0.0 { v_fall / speed } else { 0.0 };
+    (x + v_x * secs).hypot(y + v_y * secs)
+        + MISS_PER_MISSING_HEIGHT * (-top).max(0.0)
+        + MISS_PER_MISSING_WIDTH * (BALL_RADIUS - HOOP_RADIUS * sine).max(0.0)
 }
 
 #[cfg(test)]
@@ -110,8 +124,20 @@ mod tests {
     }
 
     #[test]
-    fn a_ball_at_rest_in_the_hand_misses_by_its_distance_and_twice_its_depth() {
-        assert!((predicted_miss([-2.0, 0.0, -0.5], [0.0; 3]) - 3.0).abs() < 1e-12);
+    fn a_ball_at_rest_in_the_hand_misses_by_its_distance_and_twice_its_depth_and_as_flat_as_can_be() {
+        let flat = MISS_PER_MISSING_WIDTH * BALL_RADIUS;
+        assert!((predicted_miss([-2.0, 0.0, -0.5], [0.0; 3]) - 3.0 - flat).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_flat_arc_through_the_middle_of_the_hoop_misses_and_a_steep_one_does_not() {
+        // Both come down through the origin; tan φ = v_z / v_x.
+        let through =
+            |v_x: f64, fall: f64| predicted_miss([-v_x * fall / GRAVITY * 2.0, 0.0, 0.0], [v_x, 0.0, fall]);
+        assert!(through(2.0, 2.0) < 1e-12);
+        let angle = 0.5_f64.atan();
+        let wanted = MISS_PER_MISSING_WIDTH * (BALL_RADIUS - HOOP_RADIUS * angle.sin());
+        assert!(wanted > 0.0 && (through(4.0, 2.0) - wanted).abs() < 1e-12);
     }
 
     #[test]

@@ -5,9 +5,10 @@
 //! | `observations` | `[N, obs]` | f32 or f64 | |
 //! | `actions` | `[N, act]` | f32 or f64 | |
 //! | `terminals`, `timeouts` | `[N]` | bool or number | at least one of the two; an episode ends where either is set |
-//! | `infos/qpos`, `infos/qvel` | `[N, nq]`, `[N, nv]` | f64 | written for replay, never read for judging |
+//! | `infos/qpos`, `infos/qvel` | `[N, nq]`, `[N, nv]` | f32 or f64 | optional; for replays, see [`read_states`] |
 //!
 //! Rewards are never read: what judges must not see them.
+//! The simulator's states come by a door of their own, since a score could be worked out from them.
 
 use std::path::Path;
 
@@ -17,6 +18,10 @@ use crate::demonstration::{Demonstration, DemonstrationSet};
 use crate::error::{Error, Result};
 use crate::files;
 use crate::rows::Rows;
+
+mod states;
+
+pub use states::read_states;
 
 /// Deflate cannot shrink bytes further than this (its longest match costs at least two bits).
 const MOST_COMPRESSION: u64 = 1032;
@@ -48,8 +53,13 @@ fn read_set(path: &Path) -> Result<DemonstrationSet> {
             actions.len()
         )));
     }
-    let terminals = read_marks(&root, "terminals", steps, file_len)?;
-    let timeouts = read_marks(&root, "timeouts", steps, file_len)?;
+    split(&observations, &actions, &read_ends(&root, steps, file_len)?)
+}
+
+/// The rows after which an episode ends, at least one.
+fn read_ends(root: &Group, steps: usize, file_len: u64) -> Result<Vec<usize>> {
+    let terminals = read_marks(root, "terminals", steps, file_len)?;
+    let timeouts = read_marks(root, "timeouts", steps, file_len)?;
     let ends: Vec<usize> = (0..steps)
         .filter(|&step| [&terminals, &timeouts].into_iter().flatten().any(|marks| marks[step]))
         .map(|step| step + 1)
@@ -57,7 +67,7 @@ fn read_set(path: &Path) -> Result<DemonstrationSet> {
     if ends.is_empty() {
         return Err(no_complete_episode(steps, terminals.is_some(), timeouts.is_some()));
     }
-    split(&observations, &actions, &ends)
+    Ok(ends)
 }
 
 /// The file's length in bytes, after the checks that need no parsing.
@@ -93,8 +103,15 @@ fn read_table(root: &Group, name: &str, file_len: u64) -> Result<Rows> {
     let Some(dataset) = find(root, name)? else {
         return Err(missing(root, name)?);
     };
+    let (_, width) = check_table(&dataset, name, file_len)?;
+    let values = dataset.read_f32().map_err(damaged)?;
+    Rows::from_flat(values, width).map_err(|error| error.during(name))
+}
+
+/// Steps and numbers a step of a two-dimensional dataset of floats that the file can hold.
+fn check_table(dataset: &Dataset, name: &str, file_len: u64) -> Result<(usize, usize)> {
     let shape = dataset.shape().map_err(damaged)?;
-    let &[_, width @ 1..=u64::MAX] = shape.as_slice() else {
+    let &[steps, width @ 1..=u64::MAX] = shape.as_slice() else {
         return Err(Error::bad_input(format!(
             "'{name}' has shape {shape:?}; wanted two dimensions, [steps, numbers a step], of at least one number"
         ))
@@ -106,10 +123,11 @@ fn read_table(root: &Group, name: &str, file_len: u64) -> Result<Rows> {
             "'{name}' holds elements of type {element}; wanted f32 or f64"
         )));
     }
-    check_size(&dataset, name, &shape, file_len)?;
-    let values = dataset.read_f32().map_err(damaged)?;
-    let width = usize::try_from(width).map_err(|_| Error::bad_input(format!("'{name}' is too wide")))?;
-    Rows::from_flat(values, width).map_err(|error| error.during(name))
+    check_size(dataset, name, &shape, file_len)?;
+    match (usize::try_from(steps), usize::try_from(width)) {
+        (Ok(steps), Ok(width)) => Ok((steps, width)),
+        _ => Err(Error::bad_input(format!("'{name}' of shape {shape:?} is too large for this machine"))),
+    }
 }
 
 /// One flag a step, or `None` if the file has no such dataset.

@@ -205,6 +205,36 @@ impl Mlp {
         output_cotangents: &[T],
         gradient: &mut [T],
     ) {
+        self.backward((parameters, inputs), tape, output_cotangents, gradient, |_, _| ());
+    }
+
+    /// As [`Mlp::vjp`]; also fills the gradient with respect to the inputs, `[batch, in]`, for what stands below this network.
+    pub fn vjp_through<T: Real>(
+        &self,
+        parameters: &[T],
+        inputs: &[T],
+        tape: &mut Tape<T>,
+        output_cotangents: &[T],
+        (gradient, input_cotangents): (&mut [T], &mut [T]),
+    ) {
+        assert_eq!(input_cotangents.len(), inputs.len(), "cotangents of the inputs");
+        let first = self.layer(0);
+        let weight = Matrix::new(&parameters[first.weight], first.inputs, first.outputs).transposed();
+        self.backward((parameters, inputs), tape, output_cotangents, gradient, |rows, delta| {
+            let cotangents = &mut input_cotangents[rows.start * first.inputs..rows.end * first.inputs];
+            product(Matrix::new(delta, rows.len(), first.outputs), weight, cotangents, Target::Overwrite);
+        });
+    }
+
+    /// The backward pass; `at_the_inputs` hears of each block's rows and of the cotangents of its first layer's sums.
+    fn backward<T: Real>(
+        &self,
+        (parameters, inputs): (&[T], &[T]),
+        tape: &mut Tape<T>,
+        output_cotangents: &[T],
+        gradient: &mut [T],
+        mut at_the_inputs: impl FnMut(&Range<usize>, &[T]),
+    ) {
         let batch = self.check_tape(parameters, inputs, tape);
         assert_eq!(output_cotangents.len(), batch * self.output_width(), "cotangents of the outputs");
         assert_eq!(gradient.len(), parameters.len(), "length of the gradient");
@@ -215,6 +245,7 @@ impl Mlp {
             for index in (0..self.layers()).rev() {
                 self.layer_backward(index, &rows, inputs, tape, gradient);
             }
+            at_the_inputs(&rows, &tape.current);
         }
     }
 

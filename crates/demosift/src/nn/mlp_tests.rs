@@ -94,6 +94,23 @@ fn vjp_passes_finite_differences() {
 }
 
 #[test]
+fn the_gradient_with_respect_to_the_inputs_passes_finite_differences() {
+    for (widths, batch) in [(&WIDTHS[..], 11), (&[4, 3], 7), (&[3, 6, 1], 260)] {
+        let (mlp, parameters, inputs) = example(widths, batch);
+        let cotangents = normal(batch * mlp.output_width(), "cotangents");
+        let (mut gradient, mut tape) = (vec![0.0; parameters.len()], Tape::default());
+        let (mut plain, mut through) = (gradient.clone(), vec![f64::NAN; inputs.len()]);
+        mlp.forward(&parameters, &inputs, &mut tape);
+        mlp.vjp(&parameters, &inputs, &mut tape, &cotangents, &mut plain);
+        mlp.vjp_through(&parameters, &inputs, &mut tape, &cotangents, (&mut gradient, &mut through));
+        assert_eq!(gradient, plain);
+        let weighted = |x: &[f64]| dot(&cotangents, mlp.forward(&parameters, x, &mut tape));
+        let error = gradient_error(weighted, &inputs, &through);
+        assert!(error < 4e-10, "{widths:?}: {error:e}");
+    }
+}
+
+#[test]
 fn vjp_adds_to_the_gradient() {
     let (mlp, parameters, inputs) = example(&WIDTHS, 4);
     let (mut once, mut tape) = (vec![0.0; parameters.len()], Tape::default());

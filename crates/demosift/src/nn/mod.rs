@@ -10,11 +10,13 @@ pub mod adam;
 pub(crate) mod check;
 pub mod elementwise;
 pub mod gaussian;
+pub mod lstm;
 pub mod mlp;
 pub(crate) mod product;
 pub mod real;
 
 pub use adam::Adam;
 pub use elementwise::{sigmoid_in_place, softplus_in_place};
+pub use lstm::{Lstm, LstmLayout, LstmTape};
 pub use mlp::{LayerLayout, Mlp, Tape};
 pub use real::Real;

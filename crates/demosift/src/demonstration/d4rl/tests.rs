@@ -86,6 +86,53 @@ fn what_was_written_is_read_again() {
     let file = File::open(scratch.file()).unwrap();
     assert_eq!(file.dataset("infos/qpos").unwrap().shape().unwrap(), vec![9, 3]);
     assert_eq!(file.dataset("infos/qvel").unwrap().read_f64().unwrap(), vec![0.2; 18]);
+    let states = read_states(&scratch.file()).unwrap().unwrap();
+    assert_eq!(states.len(), 3);
+    for (states, (qpos, qvel)) in states.iter().zip(qpos.iter().zip(&qvel)) {
+        assert_eq!((&states.qpos, &states.qvel), (qpos, qvel));
+    }
+}
+
+#[test]
+fn states_are_cut_where_the_demonstrations_are() {
+    let scratch = Scratch::new("states");
+    let bytes = |velocities: &[u64]| {
+        file_with(|file| {
+            add(file, "observations", &[5, 1], &[0.0; 5]);
+            add(file, "actions", &[5, 1], &[0.0; 5]);
+            file.create_dataset("timeouts").with_u8_data(&[0, 1, 0, 1, 0]);
+            let mut infos = file.create_group("infos");
+            let positions: Vec<f64> = (0..10).map(f64::from).collect();
+            infos.create_dataset("qpos").with_f64_data(&positions).with_shape(&[5, 2]);
+            if !velocities.is_empty() {
+                let values = vec![0.5; velocities.iter().product::<u64>() as usize];
+                infos.create_dataset("qvel").with_f64_data(&values).with_shape(velocities);
+            }
+            file.add_group(infos.finish());
+        })
+    };
+    std::fs::write(scratch.file(), bytes(&[5, 1])).unwrap();
+    let states = read_states(&scratch.file()).unwrap().unwrap();
+    assert_eq!(states.iter().map(|log| log.qpos.len()).collect::<Vec<_>>(), [4, 4], "the last is partial");
+    assert_eq!((&states[1].qpos[..], &states[1].qvel[..]), (&[4.0, 5.0, 6.0, 7.0][..], &[0.5, 0.5][..]));
+    for (velocities, wanted) in [
+        (&[][..], &["'infos/qpos' but no 'infos/qvel'"][..]),
+        (&[4, 1], &["'infos/qvel' has 4", "one row a step"]),
+        (&[5], &["shape [5]", "two dimensions"]),
+    ] {
+        std::fs::write(scratch.file(), bytes(velocities)).unwrap();
+        let error = read_states(&scratch.file()).unwrap_err();
+        assert!(error.is_bad_input() && error.to_string().ends_with("demonstrations.hdf5"), "{error}");
+        assert_says(&error, wanted);
+        read(&scratch.file()).expect("what judges does not care");
+    }
+    let none = file_with(|file| {
+        add(file, "observations", &[2, 1], &[0.0; 2]);
+        add(file, "actions", &[2, 1], &[0.0; 2]);
+        file.create_dataset("timeouts").with_u8_data(&[1, 1]);
+    });
+    std::fs::write(scratch.file(), none).unwrap();
+    assert_eq!(read_states(&scratch.file()).unwrap(), None);
 }
 
 #[test]

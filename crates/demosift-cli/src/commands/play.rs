@@ -1,0 +1,256 @@
+//! `demosift play`: a look at what a policy does, or at what a demonstration did.
+
+use std::path::{Path, PathBuf};
+
+use demosift::demonstration::{DemonstrationSet, d4rl};
+use demosift::environment::{EnvVariant, Specification};
+use demosift::heuristic::Score;
+use demosift::policy::Policy;
+use demosift::rollout::{self, Acting, Playground};
+use demosift::rows::Rows;
+use demosift::seed::Seed;
+use demosift::trajectory::StateLog;
+use demosift::{Error, Result, artifact};
+use demosift_mujoco::film::{self, Film, Take, Wanted};
+use demosift_mujoco::mujoco_task::MujocoTask;
+use demosift_mujoco::render::Viewpoint;
+use demosift_mujoco::replay;
+use serde_json::json;
+
+use crate::arguments::{PictureArguments, PlayArguments};
+use crate::job;
+use crate::picture_folder::PictureFolder;
+use crate::tables::{self, Scale};
+use crate::task::{self, Chosen};
+use crate::terminal::{self, Progress};
+
+/// One episode, played or replayed.
+struct Episode {
+    /// Such as `demonstration 4`.
+    name: String,
+    steps: usize,
+    score: Score,
+    succeeded: Option<bool>,
+    /// What pictures are made of; a task without a simulator has none.
+    states: Option<StateLog>,
+}
+
+pub(crate) fn run(arguments: &PlayArguments) -> Result<()> {
+    let chosen = task::choose(&arguments.task)?;
+    let studio = Studio::open(&chosen, &arguments.pictures)?;
+    let episodes = match (&arguments.policy, &arguments.data) {
+        (Some(policy), _) => play(&chosen, policy, arguments)?,
+        (None, Some(data)) => replay(&chosen, &job::set_file(Some(data))?, &arguments.demonstration)?,
+        (None, None) => return Err(Error::bad_config("wanted --policy or --data")),
+    };
+    let unit = chosen.task.heuristic().unit();
+    let folder = studio.map(|studio| studio.film(&episodes, unit)).transpose()?;
+    if arguments.json {
+        let rows: Vec<_> = episodes
+            .iter()
+            .map(|Episode { name, steps, score, succeeded, .. }| {
+                json!({ "episode": name, "steps": steps, "score": score, "succeeded": succeeded })
+            })
+            .collect();
+        terminal::show_json(&json!({ "episodes": rows, "unit": unit, "pictures": folder }));
+        return Ok(());
+    }
+    terminal::show(&table(&episodes, unit));
+    if let Some(folder) = folder {
+        terminal::show(&format!("\nPictures: {}\n", folder.display()));
+    }
+    Ok(())
+}
+
+/// Episodes of a policy, each from a seed of its own.
+fn play(chosen: &Chosen, path: &Path, arguments: &PlayArguments) -> Result<Vec<Episode>> {
+    let playground = Playground::new(chosen.task.as_ref());
+    let policy = read_policy(path, playground.specification())?;
+    let variant = variant(arguments.variant.as_deref(), playground.specification())?;
+    if arguments.episodes == 0 {
+        return Err(Error::bad_config("--episodes 0: must be at least 1"));
+    }
+    let acting = if arguments.sampled { Acting::Sampled } else { Acting::Mean };
+    let seed = Seed::new(arguments.seed).of("play");
+    let seeds = || (0..arguments.episodes).map(|episode| seed.at(episode));
+    let played = rollout::play(&playground, &policy, acting, variant, seeds().collect())?;
+    let episodes = played.iter().zip(seeds()).enumerate().map(|(number, (played, seed))| {
+        Ok(Episode {
+            name: format!("episode {number}"),
+            steps: played.steps(),
+            score: playground.score(played),
+            succeeded: playground.task().succeeded(played.measurements()),
+            states: rollout::state_log(&playground, played, variant, &seed)?,
+        })
+    });
+    episodes.collect()
+}
+
+fn read_policy(path: &Path, specification: &Specification) -> Result<Policy> {
+    let bytes = std::fs::read(path).map_err(|error| match error.kind() {
+        std::io::ErrorKind::NotFound => {
+            Error::bad_input("the policy does not exist").at(path).with_hint("check the path")
+        }
+        _ => Error::io("cannot read the policy", path, &error),
+    })?;
+    let policy = artifact::read_policy(&bytes, "the policy").map_err(|error| error.at(path))?;
+    let found = (policy.filter().observation_size(), policy.action_size());
+    let wanted = (specification.observation_size, specification.action_size);
+    if found != wanted {
+        return Err(Error::bad_input(format!(
+            "the policy maps {} observations to {} actions, and the task '{}' has {} and {}",
+            found.0, found.1, specification.name, wanted.0, wanted.1
+        ))
+        .at(path));
+    }
+    Ok(policy)
+}
+
+fn variant(name: Option<&str>, specification: &Specification) -> Result<EnvVariant> {
+    let Some(name) = name else { return Ok(EnvVariant(0)) };
+    specification.variants.iter().position(|known| known == name).map(EnvVariant).ok_or_else(|| {
+        Error::bad_input(format!(
+            "--variant {name}: the task '{}' has: {}",
+            specification.name,
+            specification.variants.join(", ")
+        ))
+    })
+}
+
+/// Demonstrations as they were recorded, in the order in which they are named.
+fn replay(chosen: &Chosen, path: &Path, ids: &[usize]) -> Result<Vec<Episode>> {
+    let task = in_mujoco(chosen, "replay")?;
+    let set = d4rl::read(path)?;
+    let states = d4rl::read_states(path)?.ok_or_else(|| {
+        let what = "the set holds no states of the simulator, 'infos/qpos' and 'infos/qvel', to replay from";
+        Error::bad_input(what).at(path).with_hint("sets that `demosift record` writes hold them")
+    })?;
+    let ids = if ids.is_empty() { (0..set.len()).collect() } else { ids.to_vec() };
+    let episodes = ids.into_iter().map(|id| {
+        let (id, demonstration) = find(&set, id)?;
+        let measured: Rows = replay::measurements(task, &states[id], demonstration.actions())
+            .map_err(|error| error.during(&format!("demonstration {id}")).at(path))?;
+        Ok(Episode {
+            name: format!("demonstration {id}"),
+            steps: demonstration.steps(),
+            score: chosen.task.heuristic().score(&measured),
+            succeeded: chosen.task.succeeded(&measured),
+            states: Some(states[id].clone()),
+        })
+    });
+    episodes.collect()
+}
+
+fn find(set: &DemonstrationSet, id: usize) -> Result<(usize, &demosift::demonstration::Demonstration)> {
+    let found = set.iter().nth(id).map(|(_, demonstration)| (id, demonstration));
+    found.ok_or_else(|| {
+        let last = set.len() - 1;
+        Error::bad_input(format!("--demonstration {id}: the demonstrations of this set are 0 to {last}"))
+    })
+}
+
+/// The task, if there is a simulator behind it.
+fn in_mujoco<'c>(chosen: &'c Chosen, what: &str) -> Result<&'c MujocoTask> {
+    chosen.mujoco.as_ref().ok_or_else(|| {
+        Error::bad_input(format!(
+            "the task '{}' has no MuJoCo model, so there is nothing to {what}",
+            chosen.name
+        ))
+        .with_hint("a policy can be played on it without --frames, --sheet and --clip")
+    })
+}
+
+/// Where pictures are made; opened before anything is played, since it says what is wrong with the arguments.
+struct Studio<'c> {
+    task: &'c MujocoTask,
+    viewpoint: Viewpoint,
+    wanted: Wanted,
+    out: PathBuf,
+}
+
+impl<'c> Studio<'c> {
+    /// `None` if no pictures are wanted.
+    fn open(chosen: &'c Chosen, arguments: &PictureArguments) -> Result<Option<Self>> {
+        let PictureArguments { frames, sheet, clip, moments, size, .. } = *arguments;
+        if !(frames || sheet || clip) {
+            return match &arguments.out {
+                None => Ok(None),
+                Some(out) => Err(Error::bad_config("nothing is to be written to the folder of --out")
+                    .at(out)
+                    .with_hint("add --sheet, --clip or --frames")),
+            };
+        }
+        if moments == 0 {
+            return Err(Error::bad_config("--moments 0: must be at least 1"));
+        }
+        let task = in_mujoco(chosen, "look at")?;
+        let camera = arguments.camera.as_deref().or(task.camera()).ok_or_else(|| {
+            Error::bad_input(format!("the model of '{}' has no camera to look from", chosen.name))
+                .with_hint("add a <camera name=\"side\" .../> to it")
+        })?;
+        let out = arguments.out.clone().unwrap_or_else(|| {
+            let mut folder = job::default_folder(&chosen.name).into_os_string();
+            folder.push("_pictures");
+            folder.into()
+        });
+        PictureFolder::check(&out)?;
+        let viewpoint = Viewpoint::new(task, camera, size.0, size.1)?;
+        let wanted = Wanted { frames, sheet: sheet.then_some(moments), clip };
+        Ok(Some(Self { task, viewpoint, wanted, out }))
+    }
+
+    /// Makes the pictures; returns their folder.
+    fn film(mut self, episodes: &[Episode], unit: &str) -> Result<PathBuf> {
+        let takes: Vec<Take<'_>> = episodes
+            .iter()
+            .filter_map(|episode| {
+                let label = label(episode, unit);
+                episode.states.as_ref().map(|states| Take { label, states, steps: episode.steps })
+            })
+            .collect();
+        let folder = PictureFolder::begin(&self.out)?;
+        let mut progress = Progress::of_bar_only();
+        let made =
+            film::film(self.task, &mut self.viewpoint, &takes, self.wanted, &mut progress, &mut |film| {
+                match film {
+                    Film::Frame { take, step, png } => {
+                        let name = episodes[take].name.replace(' ', "_");
+                        folder.add(&format!("frames/{name}/step_{step:04}.png"), &png)
+                    }
+                    Film::Sheet(png) => folder.add("sheet.png", &png),
+                    Film::Clip(gif) => folder.add("clip.gif", &gif),
+                }
+            });
+        let told = progress.finish();
+        made?;
+        told?;
+        folder.finish()?;
+        Ok(self.out)
+    }
+}
+
+/// What stands above the pictures of an episode.
+fn label(episode: &Episode, unit: &str) -> String {
+    let score = Scale::of([episode.score], unit).with_unit(episode.score);
+    let success = episode.succeeded.map_or("", |yes| if yes { ", success" } else { ", no success" });
+    format!("{}: {score}{success}", episode.name)
+}
+
+fn table(episodes: &[Episode], unit: &str) -> String {
+    let scale = Scale::of(episodes.iter().map(|episode| episode.score), unit);
+    let title = scale.title("heuristic");
+    let mut header = vec!["episode", "steps", title.as_str()];
+    let knows_success = episodes.iter().any(|episode| episode.succeeded.is_some());
+    if knows_success {
+        header.push("success");
+    }
+    let rows: Vec<Vec<String>> = episodes
+        .iter()
+        .map(|episode| {
+            let mut row = vec![episode.name.clone(), episode.steps.to_string(), scale.plain(episode.score)];
+            row.extend(episode.succeeded.map(tables::yes_or_no));
+            row
+        })
+        .collect();
+    tables::table(&header, &rows)
+}

@@ -1,0 +1,88 @@
+//! `demosift play` on the set that the repository carries, and on policies that other subcommands wrote.
+
+#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a failed unwrap is a failed test")]
+
+mod support;
+
+use support::{Scratch, in_repository};
+
+fn replay(options: &str) -> String {
+    format!("play --task free_throw --data {} {options}", in_repository("data/free_throw_8").display())
+}
+
+#[test]
+fn demonstrations_are_told_in_the_order_in_which_they_are_named() {
+    let scratch = Scratch::new("replay");
+    let said = scratch.succeed(&replay("--demonstration 4 1,0"));
+    let rows: Vec<Vec<&str>> = said.lines().map(|line| line.split_whitespace().collect()).collect();
+    assert_eq!(rows[0], ["episode", "steps", "heuristic", "[m]", "success"]);
+    assert_eq!(rows[1], ["demonstration", "4", "60", "-0.082", "yes"]);
+    assert_eq!(rows[2], ["demonstration", "1", "60", "-1.412", "no"]);
+    assert_eq!(rows[3], ["demonstration", "0", "60", "-0.495", "no"]);
+    assert_eq!(rows.len(), 4, "no pictures were asked for: {said}");
+    let said: serde_json::Value = serde_json::from_str(&scratch.succeed(&replay("--json"))).unwrap();
+    assert_eq!(said["episodes"].as_array().unwrap().len(), 8);
+    assert_eq!((&said["episodes"][4]["succeeded"], &said["unit"]), (&true.into(), &"m".into()));
+}
+
+/// The policies of `record` and of `imitate`, on a task with a simulator and on one without.
+#[test]
+fn a_policy_plays_the_same_episodes_again_from_the_same_seed() {
+    let scratch = Scratch::new("policy");
+    let record = "--count 2 --set demonstrator.updates=2 --set demonstrator.snapshot_every=1 \
+                  --set demonstrator.batch_steps=300";
+    for task in ["point_mass", "free_throw"] {
+        scratch.succeed(&format!("record --task {task} {record} --out {task}"));
+    }
+    scratch.succeed("imitate set --task point_mass --config tiny.toml --demonstration-ids 1 --out imitated");
+    for (task, policy, variant) in [
+        ("point_mass", "point_mass/policy_demonstrator", "east"),
+        ("point_mass", "imitated/policy_demonstrations_1", "east"),
+        ("free_throw", "free_throw/policy_demonstrator", "default"),
+    ] {
+        let play = |options: &str| {
+            let said = format!("play --task {task} --policy {policy}.safetensors --episodes 3 {options}");
+            scratch.succeed(&said)
+        };
+        let mean = play("");
+        assert!(mean.contains("episode 2") && mean.contains("heuristic [m]"), "{mean}");
+        assert_eq!(mean, play("--seed 0"));
+        assert_ne!(mean, play("--seed 1"));
+        assert_ne!(mean, play("--sampled"));
+        assert_eq!(play("--sampled"), play(&format!("--sampled --variant {variant}")));
+    }
+}
+
+#[test]
+fn frames_sheet_and_clip_appear_together_or_not_at_all() {
+    let scratch = Scratch::new("pictures");
+    let options = "--demonstration 4 --frames --sheet --clip --moments 3 --size 60x40 --out looks/throws";
+    let output = scratch.run(&replay(options));
+    let complaint = String::from_utf8_lossy(&output.stderr).into_owned();
+    if complaint.contains("off-screen rendering is not possible") {
+        assert!(
+            complaint.contains("hint: rendering needs EGL") && complaint.contains("apt-get install"),
+            "{complaint}"
+        );
+        assert!(!scratch.0.join("looks").exists());
+        return eprintln!("skipped: {complaint}");
+    }
+    assert!(output.status.success(), "{complaint}");
+    assert!(String::from_utf8(output.stdout).unwrap().ends_with("\nPictures: looks/throws\n"));
+    let beside = std::fs::read_dir(scratch.0.join("looks")).unwrap().count();
+    assert_eq!(beside, 1, "nothing is left beside the folder");
+    let size = |png: &[u8]| {
+        assert_eq!(png[..8], *b"\x89PNG\r\n\x1a\n");
+        [16, 20].map(|at| u32::from_be_bytes(png[at..at + 4].try_into().unwrap()))
+    };
+    let frames = scratch.files("looks/throws/frames/demonstration_4");
+    assert_eq!(frames.len(), 60);
+    assert!(frames.values().all(|frame| size(frame) == [60, 40]));
+    assert_ne!(frames["step_0000.png"], frames["step_0030.png"], "something moves");
+    let sheet = std::fs::read(scratch.0.join("looks/throws/sheet.png")).unwrap();
+    let [width, height] = size(&sheet);
+    assert!(width > 3 * 60 && width < 4 * 60 && height > 40, "{width} x {height}");
+    let clip = std::fs::read(scratch.0.join("looks/throws/clip.gif")).unwrap();
+    assert_eq!(clip[..6], *b"GIF89a");
+    assert_eq!(clip.last(), Some(&b';'), "the clip is whole");
+}

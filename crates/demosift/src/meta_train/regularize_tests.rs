@@ -1,0 +1,192 @@
+use super::*;
+use crate::adapt::{InnerUpdate, Learner};
+use crate::nn::check::{derivative, gradient_error};
+use crate::nn::gaussian;
+use crate::nn::mlp::Tape;
+use crate::point_mass::{PointMass, planted_set};
+use crate::policy::{Policy, PolicyShape};
+use crate::preset::Preset;
+use crate::rollout::Playground;
+use crate::rows::Rows;
+
+const BEARINGS: [f32; 3] = [0.0, 120.0, 240.0];
+
+fn information() -> MutualInformation {
+    let quick = Preset::Quick.config().mutual_information;
+    let posterior =
+        PosteriorFitting { lstm: 8, dense: 6, readings: 10, steps: 15, batch: 24, ..quick.posterior };
+    MutualInformation { enabled: true, batch_steps: 150, posterior, ..quick }
+}
+
+fn inner() -> InnerUpdate {
+    InnerUpdate { batch_steps: 180, ..Preset::Quick.config().inner }
+}
+
+/// A round up to line 9, behind it lines 10 to 14.
+struct Scene {
+    prior: Learner,
+    before: Vec<Before>,
+    adapted: Vec<Policy>,
+    informed: Vec<Policy>,
+    state: PosteriorState,
+    encodings: Vec<f32>,
+    report: Report,
+    steps_taken: u64,
+}
+
+fn scene(how: &MutualInformation, goals: usize) -> Scene {
+    let set = planted_set(&BEARINGS, Seed::new(1)).expect("a valid set");
+    let (task, inner, seed) = (PointMass::with_goals(goals), inner(), Seed::new(2));
+    let playground = &Playground::new(&task);
+    let shape = PolicyShape { hidden: vec![6], initial_std: 0.5 };
+    let prior = Learner::untrained(&set, &shape, &[8], &Seed::new(1));
+    let tasks: Vec<_> = set.ids().into_iter().map(|id| (id, EnvVariant(id.0 % goals))).collect();
+    let round = Round { prior: &prior, tasks: &tasks, playground, inner: &inner, seed: &seed };
+    let before = play_before(&round, "before", inner.episodes(30)).expect("finite numbers");
+    let demonstrated = prior.demonstrated_pairs(&set);
+    let mut imitators = super::super::imitate(&round, &before, &demonstrated).expect("finite numbers");
+    let adapted = imitators.iter().map(|one| one.adapted.policy.clone()).collect();
+    let encodings = mutual_information::encodings(&set);
+    let mut state = PosteriorState::start(&set, &how.posterior, Seed::new(3));
+    let played_before = playground.steps_taken();
+    let regularizer = Regularizer { how, state: &mut state, encodings: &encodings };
+    let report = regularize(&round, &before, &mut imitators, regularizer).expect("finite numbers");
+    let steps_taken = playground.steps_taken() - played_before;
+    let informed = imitators.iter().map(|one| one.adapted.policy.clone()).collect();
+    Scene { prior: prior.clone(), before, adapted, informed, state, encodings, report, steps_taken }
+}
+
+fn doubles(values: &[f32]) -> Vec<f64> {
+    values.iter().map(|value| f64::from(*value)).collect()
+}
+
+/// log π(a|s) of each action, in f64.
+fn log_probabilities(policy: &Policy, displacement: &[f64], observations: &Rows, actions: &Rows) -> Vec<f64> {
+    let parameters: Vec<f64> =
+        doubles(policy.parameters()).iter().zip(displacement).map(|(here, by)| here + by).collect();
+    let (network, log_std) = parameters.split_at(policy.network().parameter_count());
+    let mut tape = Tape::default();
+    let means = policy.network().forward(network, &doubles(observations.flat()), &mut tape);
+    let rows = means.chunks_exact(2).zip(actions.iter());
+    rows.map(|(mean, action)| gaussian::log_probability(mean, log_std, &doubles(action))).collect()
+}
+
+/// The step on the old trajectories goes from θ along the gradient of E_old[π_θ/π_old · R_MI], here by finite differences
+/// of the likelihood ratio of whole trajectories in f64, and it is θ'_i that moves by it.
+///
+/// A damping that dwarfs the Fisher matrix makes TRPO's direction that of the gradient; it counts as curvature, so that the
+/// step is small all the same.
+#[test]
+fn eq_6_eq_7_the_gradient_on_the_old_trajectories_moves_the_adapted_policy() {
+    moves_along_the_gradient(Paid::Before);
+}
+
+/// The same at θ'_i on its own trajectories.
+#[test]
+fn algorithm_1_line_14_as_written_takes_the_gradient_at_the_adapted_policy() {
+    moves_along_the_gradient(Paid::After);
+}
+
+fn moves_along_the_gradient(paid: Paid) {
+    let region = TrustRegion { max_kl: 1.0, damping: 1e6, ..TrustRegion::default() };
+    let how = MutualInformation { trust_region: region, paid, ..information() };
+    let scene = scene(&how, 1);
+    // The held-out trajectories, played again.
+    let task = PointMass::new();
+    let playground = Playground::new(&task);
+    let play = |policy: &Policy, name: &str| {
+        let seeds = Seed::new(2).of(name).at(0).many(how.episodes(30));
+        let played = rollout::play(&playground, policy, Acting::Sampled, EnvVariant(0), seeds);
+        Played::new(&playground, policy, &played.expect("the point mass plays"))
+    };
+    let old = play(&scene.prior.policy, "inform_before");
+    let read = |played: &Played| {
+        Sequences::read(&played.observations, &played.lengths, (30, how.posterior.readings))
+    };
+    let posterior = &scene.state.posterior;
+    for (demo, (adapted, informed)) in scene.adapted.iter().zip(&scene.informed).enumerate() {
+        let new = play(adapted, "inform_held_out");
+        let (states, after) = (posterior.read(&read(&old)), posterior.read(&read(&new)));
+        let rewards = information_rewards(posterior, (&states, &after), scene.encodings[demo], how.paid);
+        let mean = rewards.iter().sum::<f64>() / rewards.len() as f64;
+        let objective = |displacement: &[f64]| {
+            let (policy, played) = match paid {
+                Paid::Before => (&scene.prior.policy, &old),
+                Paid::After => (adapted, &new),
+            };
+            let of = |by: &[f64]| log_probabilities(policy, by, &played.observations, &played.actions);
+            let zeros = vec![0.0; displacement.len()];
+            let ratios: Vec<f64> =
+                of(displacement).iter().zip(of(&zeros)).map(|(new, old)| new - old).collect();
+            let episodes = ratios.chunks(30).zip(&rewards);
+            // Σ_t of the log ratio has the gradient of the trajectory's ratio.
+            episodes.map(|(log_ratios, reward)| log_ratios.iter().sum::<f64>() * (reward - mean)).sum::<f64>()
+        };
+        let displacement: Vec<f64> = informed
+            .parameters()
+            .iter()
+            .zip(adapted.parameters())
+            .map(|(there, here)| f64::from(there - here))
+            .collect();
+        let squared: f64 = displacement.iter().map(|value| value * value).sum();
+        assert!(squared > 0.0, "demonstration {demo} was moved");
+        let zeros = vec![0.0; displacement.len()];
+        let length = squared.sqrt();
+        let direction: Vec<f64> = displacement.iter().map(|value| value / length).collect();
+        let slope = derivative(&mut { objective }, &zeros, &direction);
+        assert!(slope > 0.0, "E[log Q] rises");
+        let gradient: Vec<f64> = direction.iter().map(|value| value * slope).collect();
+        let error = gradient_error(objective, &zeros, &gradient);
+        assert!(error < 2e-3 * slope.max(1.0), "demonstration {demo}: error {error}, slope {slope}");
+    }
+}
+
+/// Lines 10 and 12 are played, counted, and by other random numbers than those on which θ'_i was adapted and Q fitted.
+#[test]
+fn algorithm_1_lines_10_and_12_play_fresh_trajectories_and_count_them() {
+    let how = information();
+    for goals in [1, 2] {
+        let scene = scene(&how, goals);
+        let episodes = 150 / 30;
+        assert_eq!(scene.report.environment_steps, (2 * 3 + goals) * episodes * 30);
+        assert_eq!(scene.steps_taken, scene.report.environment_steps as u64);
+        assert_eq!(scene.before.len(), goals);
+        assert!(scene.report.kl > 0.0 && scene.report.kl <= how.trust_region.max_kl);
+    }
+}
+
+/// What is reported is what the posterior does on held-out pairs: with encodings that are no function of the behavior it
+/// explains nothing, whatever it makes of the pairs that it was fitted to.
+#[test]
+fn algorithm_1_line_13_judges_the_posterior_on_held_out_pairs() {
+    let posterior = PosteriorFitting { steps: 300, learning_rate: 0.02, ..information().posterior };
+    let how = MutualInformation { posterior, ..information() };
+    let scene = scene(&how, 1);
+    let task = PointMass::new();
+    let playground = Playground::new(&task);
+    let fitted = |name: &str| {
+        let squared_error = |(demo, policy): (usize, &Policy)| {
+            let seeds = Seed::new(2).of(name).at(0).many(how.episodes(30));
+            let played = rollout::play(&playground, policy, Acting::Sampled, EnvVariant(0), seeds);
+            let after = Played::new(&playground, policy, &played.expect("the point mass plays"));
+            let read = |played: &Played| {
+                let states =
+                    Sequences::read(&played.observations, &played.lengths, (30, how.posterior.readings));
+                scene.state.posterior.read(&states)
+            };
+            let before = read(&scene.before[0].1);
+            mutual_information::mean_squared_error(
+                &scene.state.posterior,
+                &before,
+                &read(&after),
+                scene.encodings[demo],
+            )
+        };
+        scene.adapted.iter().enumerate().map(squared_error).sum::<f64>() / 3.0
+    };
+    let (train, held_out) = (fitted("inform_train"), fitted("inform_held_out"));
+    assert!(train < held_out, "{train} on the pairs of the fit, {held_out} on others");
+    assert!(scene.report.explained < 1.0 - train, "{:?}", scene.report);
+    let log_q_of_train = -scene.state.posterior.std().ln() - 0.5 - 0.5 * (2.0 * std::f64::consts::PI).ln();
+    assert!(scene.report.log_q < log_q_of_train, "{:?}", scene.report);
+}
