@@ -1,5 +1,7 @@
 //! Results as plain tables and sentences.
 
+pub(crate) mod by_variant;
+
 use demosift::demonstration::{DemoId, DemonstrationSet};
 use demosift::heuristic::Score;
 use demosift::imitate::LearningCurve;

@@ -27,6 +27,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
         return Ok(());
     }
     terminal::show(&tables::ranking(job.set(), &ranking, None, &own, job.unit()));
+    terminal::show(&tables::by_variant::gains(&scores, job.variants(), job.unit()));
     terminal::show(&kept_in(job.folder()));
     Ok(())
 }

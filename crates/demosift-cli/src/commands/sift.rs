@@ -12,7 +12,7 @@ use crate::{tables, terminal};
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = Job::open(arguments)?;
     let sifted = job.run(experiment::sift)?;
-    let Sifted { ranking, subset, from_subset, from_all, .. } = &sifted;
+    let Sifted { scores, ranking, subset, from_subset, from_all } = &sifted;
     let own = job.own();
     if arguments.run.json {
         terminal::show_json(&json!({
@@ -28,6 +28,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
         return Ok(());
     }
     terminal::show(&tables::ranking(job.set(), ranking, Some(subset), &own, job.unit()));
+    terminal::show(&tables::by_variant::gains(scores, job.variants(), job.unit()));
     terminal::show("\n");
     terminal::show(&tables::comparison(job.set(), from_subset, from_all, job.unit()));
     terminal::show(&kept_in(job.folder()));
