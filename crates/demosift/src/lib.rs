@@ -71,5 +71,6 @@ pub mod select;
 pub mod solve;
 pub mod trajectory;
 pub mod trpo;
+pub mod uncertainty;
 
 pub use error::{Error, Result};
