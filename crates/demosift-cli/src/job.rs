@@ -7,6 +7,7 @@ use demosift::environment::Task;
 use demosift::experiment::{self, Config, Run};
 use demosift::preset::Preset;
 use demosift::rollout::Playground;
+use demosift::select::Keep;
 use demosift::{Error, Result, files};
 use toml::Table;
 
@@ -52,7 +53,8 @@ impl Job {
         let mut values = plan.values.clone();
         if let Some(keep) = arguments.keep {
             check_keep(keep, &set)?;
-            configuration::apply(&mut values, &Layer::from_option("--keep", "keep", keep as u64)?)?;
+            let layer = Table::from_iter([("keep".to_owned(), toml::Value::String(keep.to_string()))]);
+            configuration::apply(&mut values, &Layer { source: "--keep".to_owned(), values: layer })?;
         }
         let values = configuration::of_job(values);
         let config: Config = configuration::typed(values.clone())?;
@@ -85,6 +87,10 @@ impl Job {
 
     pub(crate) fn unit(&self) -> &str {
         self.task.heuristic().unit()
+    }
+
+    pub(crate) fn keep(&self) -> Keep {
+        self.config.keep
     }
 
     pub(crate) fn folder(&self) -> &RunFolder {
@@ -195,14 +201,14 @@ fn set_file(given: Option<&Path>) -> Result<PathBuf> {
     Err(Error::bad_input(format!("this folder holds no {SET_FILE}, so it is no demonstration set")).at(given))
 }
 
-fn check_keep(keep: usize, set: &DemonstrationSet) -> Result<()> {
-    if (1..=set.len()).contains(&keep) {
-        return Ok(());
+fn check_keep(keep: Keep, set: &DemonstrationSet) -> Result<()> {
+    match keep {
+        Keep::Count(count) if !(1..=set.len()).contains(&count) => Err(Error::bad_config(format!(
+            "--keep {count}: must be from 1 to the {} demonstrations there are, auto, or quarter",
+            set.len()
+        ))),
+        _ => Ok(()),
     }
-    Err(Error::bad_config(format!(
-        "--keep {keep}: must be from 1 to the {} demonstrations there are",
-        set.len()
-    )))
 }
 
 fn absolute(path: &Path) -> Result<PathBuf> {

@@ -178,7 +178,7 @@ fn a_run_folder_of_another_run() {
     for (option, wanted) in [
         ("--set judge.repeats=5", ["judge.repeats was 2", "is 5"]),
         ("--seed 9", ["seed was 0", "is 9"]),
-        ("--keep 3", ["keep was 0", "is 3"]),
+        ("--keep 3", ["keep was \"quarter\"", "is \"3\""]),
         ("--preset paper", ["imitate.checkpoint_every was 2", "is 10"]),
     ] {
         refuses(&scratch, &format!("judge --out run --resume {option}"), &wanted);
