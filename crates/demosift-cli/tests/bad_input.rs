@@ -157,6 +157,7 @@ fn configurations_that_are_wrong() {
 fn a_number_to_keep_that_is_not_there() {
     let scratch = Scratch::new("keep");
     refuses(&scratch, &format!("sift set {TASK} --keep 0"), &["--keep 0", "from 1 to the 4"]);
+    refuses(&scratch, &format!("sift set {TASK} --keep most"), &["most", "auto, quarter, or a number"]);
     refuses(&scratch, &format!("sift set {TASK} --keep 5"), &["--keep 5", "from 1 to the 4"]);
     refuses(&scratch, &format!("sift set {TASK} --set keep=5"), &["keep = 5", "from 1 to the 4"]);
     refuses(

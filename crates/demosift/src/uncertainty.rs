@@ -64,8 +64,9 @@ pub struct Uncertainty {
     pub demonstrations: Vec<Doubt>,
     /// For each K from 1: how probable it is that the first K are the K best.
     pub top_set: Vec<f64>,
-    /// The same demonstrations in groups, cut where [`Uncertainty::top_set`] reaches the level: those of an earlier
-    /// group are better than those of a later one, and within a group the order may be chance.
+    /// The same demonstrations in groups that this budget cannot tell apart: a group is led by the best demonstration
+    /// that is in no group yet, and holds those after it down to the first whose difference from the leader has an
+    /// interval without 0. Neighbors on two sides of a border may be as close as neighbors within a group.
     pub groups: Vec<Vec<DemoId>>,
 }
 
@@ -138,7 +139,7 @@ pub fn uncertainty(table: &ScoreTable, resampling: &Resampling, seed: &Seed) -> 
     let (improves, near_best) = (share(&draws, |score, _| score > 0.0), share(&draws, is_near_best));
     let order = places(&judged);
     let doubt = |&index: &usize| {
-        let (low, high) = interval(&draws[index], resampling.level);
+        let (low, high) = interval(draws.iter().map(|draw| draw[index]).collect(), resampling.level);
         Doubt {
             demo: judged[index].demo,
             score: judged[index].score,
@@ -151,8 +152,9 @@ pub fn uncertainty(table: &ScoreTable, resampling: &Resampling, seed: &Seed) -> 
     };
     let top_set = top_set_probabilities(&draws, &order);
     let demonstrations: Vec<Doubt> = order.iter().map(doubt).collect();
-    let demos: Vec<DemoId> = demonstrations.iter().map(|doubt| doubt.demo).collect();
-    let groups = groups(&demos, &top_set, resampling.level);
+    let groups = groups(&draws, &order, resampling.level);
+    let groups =
+        groups.into_iter().map(|group| group.into_iter().map(|index| judged[index].demo).collect()).collect();
     let too_narrow = repeats == 1 || evaluations == 1;
     let level = resampling.level;
     Ok(Uncertainty { level, too_narrow, repeats, evaluations, demonstrations, top_set, groups })
@@ -256,22 +258,21 @@ fn compare(left: &Judged, right: &Judged) -> std::cmp::Ordering {
     unequal.into_iter().find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
 }
 
-/// The scores drawn again, `[demonstrations][draws]`.
+/// The scores drawn again, `[draws][demonstrations]`.
 fn draw(
     judged: &[Judged],
     (repeats, evaluations): (usize, usize),
     resampling: &Resampling,
     seed: &Seed,
 ) -> Result<Vec<Vec<Score>>> {
-    let mut draws: Vec<Vec<Score>> =
-        judged.iter().map(|judged| vec![judged.score; resampling.draws]).collect();
     let mut rng = seed.of("evaluations").into_rng();
     let variants = judged[0].variants.len();
-    for index in 0..resampling.draws {
+    let mut draws = vec![judged.iter().map(|judged| judged.score).collect::<Vec<Score>>(); resampling.draws];
+    for draw in &mut draws {
         for variant in 0..variants {
             let picks: Vec<usize> = (0..evaluations).map(|_| rng.random_range(0..evaluations)).collect();
-            for (judged, draws) in judged.iter().zip(&mut draws) {
-                draws[index] += deviation(&judged.variants[variant].gains, &picks) / variants as f64;
+            for (judged, score) in judged.iter().zip(draw.iter_mut()) {
+                *score += deviation(&judged.variants[variant].gains, &picks) / variants as f64;
             }
         }
     }
@@ -311,7 +312,7 @@ fn add_repeats(
         ))
     })?;
     let mut stream = 0;
-    for (index, (draws, variance)) in draws.iter_mut().zip(&variances).enumerate() {
+    for (index, variance) in variances.iter().enumerate() {
         // Demonstrations of which the same was measured are the same one twice, and stay level in every draw.
         if index > 0 && compare(&judged[index - 1], &judged[index]).is_ne() {
             stream = index;
@@ -319,18 +320,17 @@ fn add_repeats(
         let mut rng: Rng = seed.of("repeats").at(stream).into_rng();
         let moderated = (own_freedom * variance + resampling.pooling * common) / freedom;
         let error = (moderated / (repeats as f64 * variants)).sqrt();
-        draws.iter_mut().for_each(|score| *score += error * student.sample(&mut rng));
+        draws.iter_mut().for_each(|draw| draw[index] += error * student.sample(&mut rng));
     }
     Ok(())
 }
 
-/// The middle part of the draws that holds `level` of them.
-fn interval(draws: &[Score], level: f64) -> (Score, Score) {
-    let mut sorted = draws.to_vec();
-    sorted.sort_unstable_by(f64::total_cmp);
+/// The middle part of some draws that holds `level` of them.
+fn interval(mut draws: Vec<f64>, level: f64) -> (f64, f64) {
+    draws.sort_unstable_by(f64::total_cmp);
     let at = |share: f64| {
-        let place = share * (sorted.len() as f64 - 1.0);
-        let (below, above) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);
+        let place = share * (draws.len() as f64 - 1.0);
+        let (below, above) = (draws[place.floor() as usize], draws[place.ceil() as usize]);
         below + (above - below) * place.fract()
     };
     (at((1.0 - level) / 2.0), at((1.0 + level) / 2.0))
@@ -338,14 +338,12 @@ fn interval(draws: &[Score], level: f64) -> (Score, Score) {
 
 /// For each demonstration the share of draws in which its score, beside the best score of the draw, is so.
 fn share(draws: &[Vec<Score>], is_so: impl Fn(Score, Score) -> bool) -> Vec<f64> {
-    let mut counts = vec![0.0; draws.len()];
-    for index in 0..draws[0].len() {
-        let best = draws.iter().map(|draws| draws[index]).fold(f64::NEG_INFINITY, f64::max);
-        for (count, draws) in counts.iter_mut().zip(draws) {
-            *count += f64::from(is_so(draws[index], best));
-        }
+    let mut counts = vec![0.0; draws[0].len()];
+    for draw in draws {
+        let best = draw.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        counts.iter_mut().zip(draw).for_each(|(count, score)| *count += f64::from(is_so(*score, best)));
     }
-    counts.into_iter().map(|count| count / draws[0].len() as f64).collect()
+    counts.into_iter().map(|count| count / draws.len() as f64).collect()
 }
 
 fn is_near_best(score: Score, best: Score) -> bool {
@@ -354,28 +352,27 @@ fn is_near_best(score: Score, best: Score) -> bool {
 
 /// For each demonstration and each K from 1 the share of draws in which it is among the K best.
 fn top_probabilities(draws: &[Vec<Score>]) -> Vec<Vec<f64>> {
-    let count = draws.len();
+    let count = draws[0].len();
     let mut at_place = vec![vec![0.0; count]; count];
     let mut order: Vec<usize> = (0..count).collect();
-    for index in 0..draws[0].len() {
-        order.sort_unstable_by(|&a, &b| draws[b][index].total_cmp(&draws[a][index]));
+    for draw in draws {
+        order.sort_unstable_by(|&a, &b| draw[b].total_cmp(&draw[a]));
         let mut first = 0;
-        for tied in order.chunk_by(|&a, &b| draws[a][index] == draws[b][index]) {
+        for tied in order.chunk_by(|&a, &b| draw[a] == draw[b]) {
+            let places = first..first + tied.len();
             for &demonstration in tied {
-                for place in first..first + tied.len() {
-                    at_place[demonstration][place] += 1.0 / tied.len() as f64;
-                }
+                let share = 1.0 / tied.len() as f64;
+                at_place[demonstration][places.clone()].iter_mut().for_each(|place| *place += share);
             }
-            first += tied.len();
+            first = places.end;
         }
     }
-    let total = draws[0].len() as f64;
     let cumulated = |places: Vec<f64>| {
         let sums = places.into_iter().scan(0.0, |sum, share| {
             *sum += share;
             Some(*sum)
         });
-        sums.map(|sum| sum / total).collect()
+        sums.map(|sum| sum / draws.len() as f64).collect()
     };
     at_place.into_iter().map(cumulated).collect()
 }
@@ -392,27 +389,34 @@ fn places(judged: &[Judged]) -> Vec<usize> {
 /// For each K from 1 the share of draws in which all of the first K are above all others.
 fn top_set_probabilities(draws: &[Vec<Score>], order: &[usize]) -> Vec<f64> {
     let mut counts = vec![0.0; order.len()];
-    for index in 0..draws[0].len() {
+    for draw in draws {
         let mut best_below = vec![f64::NEG_INFINITY; order.len() + 1];
-        for place in (0..order.len()).rev() {
-            best_below[place] = best_below[place + 1].max(draws[order[place]][index]);
+        for (place, &demonstration) in order.iter().enumerate().rev() {
+            best_below[place] = best_below[place + 1].max(draw[demonstration]);
         }
         let mut worst_above = f64::INFINITY;
         for (place, &demonstration) in order.iter().enumerate() {
-            worst_above = worst_above.min(draws[demonstration][index]);
+            worst_above = worst_above.min(draw[demonstration]);
             counts[place] += f64::from(worst_above > best_below[place + 1]);
         }
     }
-    counts.into_iter().map(|count| count / draws[0].len() as f64).collect()
+    counts.into_iter().map(|count| count / draws.len() as f64).collect()
 }
 
-/// Cuts the ranking after each K whose set is sure.
-fn groups(demos: &[DemoId], top_set: &[f64], level: f64) -> Vec<Vec<DemoId>> {
-    let mut groups = vec![Vec::new()];
-    for (place, &demo) in demos.iter().enumerate() {
-        groups.last_mut().expect("there is always one").push(demo);
-        if place + 1 < demos.len() && top_set[place] >= level {
-            groups.push(Vec::new());
+/// Walks down the ranking and begins a group at each demonstration that can be told from the leader of the last one.
+///
+/// Chaining neighbors that cannot be told apart would put a whole ranking into one group as soon as its steps are
+/// small, however far its ends are apart.
+fn groups(draws: &[Vec<Score>], order: &[usize], level: f64) -> Vec<Vec<usize>> {
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for &demonstration in order {
+        let is_worse = |leader: usize| {
+            let differences = draws.iter().map(|draw| draw[leader] - draw[demonstration]).collect();
+            interval(differences, level).0 > 0.0
+        };
+        match groups.last_mut() {
+            Some(group) if !is_worse(group[0]) => group.push(demonstration),
+            _ => groups.push(vec![demonstration]),
         }
     }
     groups

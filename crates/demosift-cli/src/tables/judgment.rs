@@ -78,12 +78,11 @@ fn remarks(judgment: &Judgment<'_>, kept: Option<(&Subset, Keep)>) -> String {
     let Judgment { ranking, uncertainty, .. } = judgment;
     let mut remarks = vec![if uncertainty.groups.len() > 1 {
         format!(
-            "Within a group this budget cannot tell demonstrations apart; those of an earlier group are better with \
-             a probability of {} or more.",
+            "A group holds what this budget cannot tell from its best: the {} interval of the difference holds 0.",
             percent(uncertainty.level)
         )
     } else {
-        "This budget cannot tell the demonstrations apart: their order may be chance.".to_owned()
+        "This budget can tell no demonstration from the best: their order may be chance.".to_owned()
     }];
     remarks.extend(uncertainty.caveat());
     if let Some((subset, keep)) = kept {
@@ -233,7 +232,7 @@ mod tests {
             "before, it scores -100.0 m",
             "[-49.0, +252.0]",
             "P(top 2)",
-            "cannot tell",
+            "can tell no demonstration",
             "imitated once",
             "Kept is what",
         ] {
