@@ -78,7 +78,7 @@ fn remarks(judgment: &Judgment<'_>, kept: Option<(&Subset, Keep)>) -> String {
     let Judgment { ranking, uncertainty, .. } = judgment;
     let mut remarks = vec![if uncertainty.groups.len() > 1 {
         format!(
-            "A group holds what this budget cannot tell from its best: the {} interval of the difference holds 0.",
+            "A group holds what cannot be told from its best, by the {} interval of their difference.",
             percent(uncertainty.level)
         )
     } else {
