@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use demosift::preset::Preset;
+use demosift::select::Keep;
 
 /// Which demonstrations should your agent learn from? Finds out by imitating each one.
 #[derive(Debug, Parser)]
@@ -41,9 +42,10 @@ pub(crate) struct JobArguments {
     /// The demonstrations: an .hdf5 file in D4RL layout, or a folder that holds demonstrations.hdf5
     #[arg(value_name = "SET")]
     pub(crate) demonstrations: Option<PathBuf>,
-    /// Keep the K most suitable demonstrations [default: a quarter of the set]
-    #[arg(long, value_name = "K")]
-    pub(crate) keep: Option<usize>,
+    /// Keep the K most suitable demonstrations; auto keeps those that surely make the agent better and are not surely
+    /// less than half as good as the best [default: quarter, that is a quarter of the set]
+    #[arg(long, value_name = "K|auto")]
+    pub(crate) keep: Option<Keep>,
     /// How much to spend [default: standard]
     #[arg(long, value_enum)]
     pub(crate) preset: Option<PresetName>,

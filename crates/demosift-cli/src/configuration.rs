@@ -103,6 +103,8 @@ fn merge(base: &mut Table, changes: &Table, source: &str, parent: &str) -> Resul
         match (&mut base[key], change) {
             (Value::Table(inner), Value::Table(changes)) => merge(inner, changes, source, &name)?,
             (value @ Value::Float(_), Value::Integer(number)) => *value = Value::Float(*number as f64),
+            // What is a word or a number, such as `keep`, is written as a string.
+            (value @ Value::String(_), Value::Integer(number)) => *value = Value::String(number.to_string()),
             (value, change) if value.same_type(change) => *value = change.clone(),
             (value, change) => {
                 let example = if value.is_table() { String::new() } else { format!(" such as {value}") };
@@ -166,6 +168,7 @@ mod tests {
     use super::*;
     use demosift::demonstrator::DemonstratorTraining;
     use demosift::experiment::Config;
+    use demosift::select::Keep;
 
     fn plain(chosen: Preset) -> Table {
         preset(chosen, Layer::from_text("nothing", "").unwrap()).unwrap()
@@ -193,6 +196,21 @@ mod tests {
         assert_eq!(config.policy.hidden, [8]);
         assert_eq!((config.judge.repeats, config.judge.evaluations), (7, 3));
         assert_eq!(config.inner.trust_region.max_kl, 1.0);
+    }
+
+    #[test]
+    fn what_to_keep_is_a_word_or_a_number() {
+        for (assignment, wanted) in
+            [("keep=3", Keep::Count(3)), ("keep=auto", Keep::Auto), ("keep=\"quarter\"", Keep::Quarter)]
+        {
+            let mut values = plain(Preset::Quick);
+            apply(&mut values, &Layer::from_assignment(assignment).unwrap()).unwrap();
+            assert_eq!(typed::<Config>(of_job(values)).unwrap().keep, wanted);
+        }
+        let mut values = plain(Preset::Quick);
+        apply(&mut values, &Layer::from_assignment("keep=most").unwrap()).unwrap();
+        let error = typed::<Config>(of_job(values)).unwrap_err().to_string();
+        assert!(error.contains("must be auto, quarter, or a number"), "{error}");
     }
 
     #[test]

@@ -2,17 +2,19 @@
 
 use std::path::{Path, PathBuf};
 
+use demosift::data_only::DataOnly;
 use demosift::demonstration::{DemonstrationSet, d4rl};
 use demosift::experiment::{self, Config, Run};
 use demosift::preset::Preset;
 use demosift::rollout::Playground;
+use demosift::select::Keep;
 use demosift::{Error, Result, files};
 use toml::Table;
 
 use crate::arguments::{JobArguments, PresetName, RunArguments};
 use crate::configuration::{self, Layer};
 use crate::metrics_file::MetricsFile;
-use crate::own_heuristic::{self, Own};
+use crate::own_heuristic::{self, Beside};
 use crate::run_folder::{self, Begun, Data, Identity, RunFolder};
 use crate::task::{self, Chosen};
 use crate::terminal::Progress;
@@ -54,7 +56,8 @@ impl Job {
         let mut values = plan.values.clone();
         if let Some(keep) = arguments.keep {
             check_keep(keep, &set)?;
-            configuration::apply(&mut values, &Layer::from_option("--keep", "keep", keep as u64)?)?;
+            let layer = Table::from_iter([("keep".to_owned(), toml::Value::String(keep.to_string()))]);
+            configuration::apply(&mut values, &Layer { source: "--keep".to_owned(), values: layer })?;
         }
         let values = configuration::of_job(values);
         let config: Config = configuration::typed(values.clone())?;
@@ -93,9 +96,14 @@ impl Job {
         self.chosen.task.heuristic().unit()
     }
 
-    /// What the demonstrations themselves scored; to be asked for after they are ranked, and never before.
-    pub(crate) fn own(&self) -> Own {
-        own_heuristic::of(self.chosen.mujoco.as_ref(), &self.set, &self.path)
+    /// Adds what the demonstrations themselves scored to what others say of them; to be asked for after they are ranked, and
+    /// never before.
+    pub(crate) fn beside(&self, data_only: DataOnly) -> Beside {
+        own_heuristic::beside(data_only, self.chosen.mujoco.as_ref(), &self.set, &self.path)
+    }
+
+    pub(crate) fn keep(&self) -> Keep {
+        self.config.keep
     }
 
     pub(crate) fn folder(&self) -> &RunFolder {
@@ -206,14 +214,14 @@ pub(crate) fn set_file(given: Option<&Path>) -> Result<PathBuf> {
     Err(Error::bad_input(format!("this folder holds no {SET_FILE}, so it is no demonstration set")).at(given))
 }
 
-fn check_keep(keep: usize, set: &DemonstrationSet) -> Result<()> {
-    if (1..=set.len()).contains(&keep) {
-        return Ok(());
+fn check_keep(keep: Keep, set: &DemonstrationSet) -> Result<()> {
+    match keep {
+        Keep::Count(count) if !(1..=set.len()).contains(&count) => Err(Error::bad_config(format!(
+            "--keep {count}: must be from 1 to the {} demonstrations there are, auto, or quarter",
+            set.len()
+        ))),
+        _ => Ok(()),
     }
-    Err(Error::bad_config(format!(
-        "--keep {keep}: must be from 1 to the {} demonstrations there are",
-        set.len()
-    )))
 }
 
 fn absolute(path: &Path) -> Result<PathBuf> {

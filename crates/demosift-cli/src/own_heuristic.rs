@@ -4,45 +4,41 @@
 
 use std::path::Path;
 
+use demosift::data_only::{Column, DataOnly};
 use demosift::demonstration::{DemonstrationSet, d4rl};
 use demosift::environment::Task as _;
 use demosift::heuristic::Score;
-use demosift::select::Ranking;
-use demosift::{Error, Result, metrics};
+use demosift::{Error, Result};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::replay;
 
-/// The heuristic of each demonstration of a set, in file order.
-pub(crate) enum Own {
-    Known(Vec<Score>),
-    /// The set holds no states, or the task has no simulator that they could be states of.
-    Unknown,
-    /// It holds states that this task cannot replay.
-    Unusable(Error),
+/// What is shown beside a ranking.
+pub(crate) struct Beside {
+    /// What the scorers of the recordings say, and the demonstrations' own heuristic if it is known.
+    pub(crate) data_only: DataOnly,
+    /// Why it is not known, where the set holds states that this task cannot replay.
+    pub(crate) unusable: Option<Error>,
 }
 
-impl Own {
-    pub(crate) fn scores(&self) -> Option<&[Score]> {
-        match self {
-            Self::Known(scores) => Some(scores),
-            Self::Unknown | Self::Unusable(_) => None,
-        }
-    }
-
-    pub(crate) fn agreement(&self, ranking: &Ranking) -> Option<f64> {
-        agreement(ranking, self.scores()?)
-    }
-}
-
-/// Replays the demonstrations of the set in this file.
+/// Replays the demonstrations of the set in this file, if it holds states and the task has a simulator for them.
 ///
 /// A ranking that took hours is worth showing without this column, so what is wrong here fails nothing.
-pub(crate) fn of(task: Option<&MujocoTask>, set: &DemonstrationSet, path: &Path) -> Own {
-    match task.map(|task| scores(task, set, path)) {
-        None | Some(Ok(None)) => Own::Unknown,
-        Some(Ok(Some(scores))) => Own::Known(scores),
-        Some(Err(error)) => Own::Unusable(error),
-    }
+pub(crate) fn beside(
+    mut data_only: DataOnly,
+    task: Option<&MujocoTask>,
+    set: &DemonstrationSet,
+    path: &Path,
+) -> Beside {
+    let unusable = match task.map(|task| scores(task, set, path)) {
+        None | Some(Ok(None)) => None,
+        Some(Ok(Some(scores))) => {
+            let meaning = "the task's heuristic of the recorded demonstration itself".to_owned();
+            data_only.columns.push(Column { name: "heuristic".to_owned(), meaning, scores });
+            None
+        }
+        Some(Err(error)) => Some(error),
+    };
+    Beside { data_only, unusable }
 }
 
 fn scores(task: &MujocoTask, set: &DemonstrationSet, path: &Path) -> Result<Option<Vec<Score>>> {
@@ -53,11 +49,4 @@ fn scores(task: &MujocoTask, set: &DemonstrationSet, path: &Path) -> Result<Opti
             .map_err(|error| error.during(&format!("demonstration {id}")))
     });
     scores.collect::<Result<_>>().map(Some)
-}
-
-/// Spearman's rank correlation of the suitability with these scores; `None` where either does not vary.
-pub(crate) fn agreement(ranking: &Ranking, own: &[Score]) -> Option<f64> {
-    let (judged, own): (Vec<Score>, Vec<Score>) =
-        ranking.entries.iter().map(|entry| (entry.score, own[entry.demo.0])).unzip();
-    Some(metrics::spearman(&judged, &own)).filter(|agreement| agreement.is_finite())
 }

@@ -160,6 +160,7 @@ fn configurations_that_are_wrong() {
 fn a_number_to_keep_that_is_not_there() {
     let scratch = Scratch::new("keep");
     refuses(&scratch, &format!("sift set {TASK} --keep 0"), &["--keep 0", "from 1 to the 4"]);
+    refuses(&scratch, &format!("sift set {TASK} --keep most"), &["most", "auto, quarter, or a number"]);
     refuses(&scratch, &format!("sift set {TASK} --keep 5"), &["--keep 5", "from 1 to the 4"]);
     refuses(&scratch, &format!("sift set {TASK} --set keep=5"), &["keep = 5", "from 1 to the 4"]);
     refuses(
@@ -230,7 +231,7 @@ fn a_run_folder_of_another_run() {
     for (option, wanted) in [
         ("--set judge.repeats=5", ["judge.repeats was 2", "is 5"]),
         ("--seed 9", ["seed was 0", "is 9"]),
-        ("--keep 3", ["keep was 0", "is 3"]),
+        ("--keep 3", ["keep was \"quarter\"", "is \"3\""]),
         ("--preset paper", ["imitate.checkpoint_every was 2", "is 10"]),
     ] {
         refuses(&scratch, &format!("judge --out run --resume {option}"), &wanted);

@@ -17,14 +17,34 @@ const TASK: &str = "--task point_mass --config tiny.toml";
 fn sift_ends_with_a_table_that_puts_good_demonstrations_first() {
     let scratch = Scratch::new("sift");
     let said = scratch.succeed(&format!("sift set {TASK} --set meta_train.rounds=20 --keep 2 --out run"));
-    for wanted in
-        ["rank   demonstration", "gain [m]", "kept", "the 2 kept (", "all 4", "success", "Run folder: run"]
-    {
+    for wanted in [
+        "rank   demonstration",
+        "gain [m]",
+        "90 % interval",
+        "P(top 2)",
+        "group",
+        "kept",
+        "mutual information",
+        "Spearman",
+        "the 2 kept (",
+        "all 4",
+        "success",
+        "Run folder: run",
+    ] {
         assert!(said.contains(wanted), "{said}");
     }
-    assert!(said.contains("Selecting "), "{said}");
+    assert!(said.contains("electing"), "{said}");
     let files = scratch.files("run");
-    for name in ["resolved.toml", "run.json", "metrics.jsonl", "scores.json", "ranking.json", "subset.json"] {
+    for name in [
+        "resolved.toml",
+        "run.json",
+        "metrics.jsonl",
+        "scores.json",
+        "ranking.json",
+        "uncertainty.json",
+        "subset.json",
+        "data_only.json",
+    ] {
         assert!(files.contains_key(name), "{name}");
     }
     assert!(!files.keys().any(|name| name.starts_with("checkpoint")), "{:?}", files.keys());
@@ -89,9 +109,33 @@ fn results_as_json() {
     let value: serde_json::Value = serde_json::from_str(&said).unwrap();
     assert_eq!(value["ranking"].as_array().unwrap().len(), 4);
     assert_eq!(value["kept"].as_array().unwrap().len(), 1);
+    let doubts = &value["uncertainty"];
+    assert_eq!(doubts["demonstrations"].as_array().unwrap().len(), 4);
+    assert_eq!(doubts["demonstrations"][0]["top"].as_array().unwrap().len(), 4);
+    assert!(value["caveat"].is_null() && doubts["too_narrow"] == false, "two repeats have no caveat");
+    let columns = value["data_only"].as_array().unwrap();
+    assert!(columns.iter().all(|column| column["scores"].as_array().unwrap().len() == 4));
+    assert!(value["gain"]["low"].as_f64().unwrap() <= value["gain"]["high"].as_f64().unwrap());
     assert!(value["from_subset"]["score"].is_f64() && value["from_all"]["environment_steps"].is_u64());
     let said = scratch.succeed("tasks --json");
     assert!(serde_json::from_str::<Vec<String>>(&said).unwrap().contains(&"point_mass".to_owned()));
+}
+
+#[test]
+fn keep_auto_says_what_it_went_by_and_one_repeat_what_it_lacks() {
+    let scratch = Scratch::new("auto");
+    let job = format!("{TASK} --set meta_train.rounds=20 --set judge.iterations=6 --keep auto");
+    let said = scratch.succeed(&format!("sift set {job} --out run"));
+    assert!(said.lines().all(|line| line.chars().count() <= 100), "{said}");
+    let words = said.replace('\n', " ");
+    assert!(
+        words.contains("Kept is what makes the agent better") || words.contains("No demonstration makes"),
+        "{said}"
+    );
+    assert!(!words.contains("imitated once"), "{said}");
+    let once = scratch.succeed(&format!("select set {job} --set judge.repeats=1 --out once"));
+    assert!(once.replace('\n', " ").contains("imitated once, so what another try would change"), "{once}");
+    assert!(once.lines().all(|line| line.chars().count() <= 100), "{once}");
 }
 
 #[test]

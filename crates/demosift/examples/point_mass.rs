@@ -25,7 +25,7 @@ fn main() -> demosift::Result<()> {
         ledger: &mut InMemory::default(),
         observer: &mut Silent,
     })?;
-    for entry in &sifted.ranking.entries {
+    for entry in &sifted.selection.ranking.entries {
         println!("bearing {:5} gains {:+.2} m", bearings[entry.demo.0], entry.score);
     }
     println!("imitating the subset scores {:.2} m", sifted.from_subset.outcome.score);

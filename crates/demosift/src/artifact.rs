@@ -7,6 +7,7 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::adapt::Learner;
+use crate::data_only::DataOnly;
 use crate::demonstrator::Stage;
 use crate::error::{Error, Result};
 use crate::gail::Discriminator;
@@ -18,6 +19,7 @@ use crate::observation_filter::ObservationFilter;
 use crate::observer::Snapshot;
 use crate::policy::Policy;
 use crate::select::{Ranking, Subset};
+use crate::uncertainty::Uncertainty;
 
 /// Changes when a file of this version could no longer be read.
 const FORMAT_VERSION: u32 = 1;
@@ -79,7 +81,13 @@ macro_rules! json_artifact {
     )*};
 }
 
-json_artifact!(ScoreTable => "scores.json", Ranking => "ranking.json", Subset => "subset.json");
+json_artifact!(
+    ScoreTable => "scores.json",
+    Ranking => "ranking.json",
+    Uncertainty => "uncertainty.json",
+    Subset => "subset.json",
+    DataOnly => "data_only.json"
+);
 
 /// θ with D_meta.
 impl Artifact for Learner {

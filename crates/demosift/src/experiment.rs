@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::adapt::{InnerUpdate, MetaPrior};
 use crate::advantage::AdvantageEstimation;
 use crate::artifact::{self, Artifact};
+use crate::data_only::{self, DataOnly};
 use crate::demonstration::{DemoId, DemonstrationSet};
 use crate::demonstrator::DemonstratorTraining;
 use crate::environment::Specification;
@@ -16,12 +17,14 @@ use crate::imitate::{self, Imitation, ImitationState, LearningCurve};
 use crate::judge::{self, Judging, ScoreTable};
 use crate::ledger::Ledger;
 use crate::meta_train::{self, MetaState, MetaTraining, MutualInformation};
+use crate::metrics::{self, Gain};
 use crate::observer::{Event, Observer, Snapshot};
 use crate::policy::PolicyShape;
 use crate::rollout::Playground;
 use crate::seed::Seed;
-use crate::select::{self, Ranking, Subset};
+use crate::select::{self, Keep, Ranking, Subset};
 use crate::trpo::TrustRegion;
+use crate::uncertainty::{self, Resampling, Uncertainty};
 
 /// Everything that a run depends on, besides the demonstrations and the task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,8 +32,8 @@ use crate::trpo::TrustRegion;
 pub struct Config {
     /// The root of all random numbers.
     pub seed: u64,
-    /// K of the top K to keep; 0 keeps a quarter of the set, rounded up.
-    pub keep: usize,
+    /// How many demonstrations to keep.
+    pub keep: Keep,
     /// The policy's shape, in meta-training and from scratch.
     pub policy: PolicyShape,
     /// The inner update, in meta-training and in judging.
@@ -64,14 +67,27 @@ pub struct Run<'a> {
 pub struct Sifted {
     /// S of every demonstration.
     pub scores: ScoreTable,
-    /// From the most to the least suitable.
-    pub ranking: Ranking,
-    /// What was kept.
-    pub subset: Subset,
+    /// What was concluded from them.
+    pub selection: Selection,
+    /// What scorers of the recorded data alone say; beside the ranking, never in it.
+    pub data_only: DataOnly,
     /// Imitation from scratch of the subset.
     pub from_subset: LearningCurve,
     /// Imitation from scratch of the whole set, with as many environment steps.
     pub from_all: LearningCurve,
+    /// How much better the policy from the subset is.
+    pub gain: Gain,
+}
+
+/// What is concluded from the scores.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Selection {
+    /// From the most to the least suitable.
+    pub ranking: Ranking,
+    /// How sure that is.
+    pub uncertainty: Uncertainty,
+    /// What is kept.
+    pub subset: Subset,
 }
 
 /// The whole job.
@@ -79,10 +95,12 @@ pub fn sift(run: &mut Run<'_>) -> Result<Sifted> {
     check(run.set, run.playground.specification(), run.config)?;
     let prior = prior(run)?;
     let scores = scores(run, &prior)?;
-    let (ranking, subset) = selection(run, &scores)?;
-    let from_subset = learning_curve(run, "subset", &subset.demos)?;
+    let data_only = data_only(run)?;
+    let selection = selection(run, &scores)?;
+    let from_subset = learning_curve(run, "subset", &selection.subset.demos)?;
     let from_all = learning_curve(run, "all", &run.set.ids())?;
-    Ok(Sifted { scores, ranking, subset, from_subset, from_all })
+    let gain = metrics::gain(&from_subset.outcome, &from_all.outcome);
+    Ok(Sifted { scores, selection, data_only, from_subset, from_all, gain })
 }
 
 /// Whether set, task and configuration fit each other; the error says what would.
@@ -101,14 +119,13 @@ pub fn check(set: &DemonstrationSet, task: &Specification, config: &Config) -> R
         }
     }
     check_numbers(config)?;
-    if config.keep > set.len() {
-        return Err(Error::bad_config(format!(
-            "keep = {}, and must be from 1 to the {} demonstrations there are",
-            config.keep,
+    match config.keep {
+        Keep::Count(count) if !(1..=set.len()).contains(&count) => Err(Error::bad_config(format!(
+            "keep = {count}, and must be from 1 to the {} demonstrations there are, auto, or quarter",
             set.len()
-        )));
+        ))),
+        _ => Ok(()),
     }
-    Ok(())
 }
 
 /// Whether each number of the configuration means something by itself.
@@ -288,14 +305,34 @@ pub fn scores(run: &mut Run<'_>, prior: &MetaPrior) -> Result<ScoreTable> {
     Ok(table)
 }
 
-/// ScoreTable → Ranking, Subset.
-pub fn selection(run: &mut Run<'_>, scores: &ScoreTable) -> Result<(Ranking, Subset)> {
-    let ranking = select::rank(scores);
-    let keep = if run.config.keep == 0 { run.set.len().div_ceil(4) } else { run.config.keep };
-    let subset = select::top_k(&ranking, keep)?;
+/// What scorers of the recorded data alone say of the set; nothing of it enters a ranking.
+pub fn data_only(run: &mut Run<'_>) -> Result<DataOnly> {
+    if let Some(found) = Artifact::recall(run.ledger, "")? {
+        return Ok(found);
+    }
+    let found = data_only::data_only(run.set)?;
+    found.keep(run.ledger, "")?;
+    Ok(found)
+}
+
+/// How sure the scores are; the same for every stage that asks.
+pub fn doubts(run: &Run<'_>, scores: &ScoreTable) -> Result<Uncertainty> {
+    let seed = Seed::new(run.config.seed).of("uncertainty");
+    uncertainty::uncertainty(scores, &Resampling::default(), &seed)
+}
+
+/// ScoreTable → Ranking, Uncertainty, Subset.
+pub fn selection(run: &mut Run<'_>, scores: &ScoreTable) -> Result<Selection> {
+    let (ranking, uncertainty) = (select::rank(scores), doubts(run, scores)?);
+    let subset = match run.config.keep {
+        Keep::Quarter => select::top_k(&ranking, run.set.len().div_ceil(4))?,
+        Keep::Count(count) => select::top_k(&ranking, count)?,
+        Keep::Auto => Subset { demos: uncertainty.worth_keeping() },
+    };
     ranking.keep(run.ledger, "")?;
+    uncertainty.keep(run.ledger, "")?;
     subset.keep(run.ledger, "")?;
-    Ok((ranking, subset))
+    Ok(Selection { ranking, uncertainty, subset })
 }
 
 /// Subset → LearningCurve; `part` names it among others, such as `subset` or `all`.
@@ -443,8 +480,8 @@ mod tests {
             zero("mutual_information.posterior.readings")
         );
         assert_eq!(
-            complaint(|config| config.keep = 4),
-            "keep = 4, and must be from 1 to the 3 demonstrations there are"
+            complaint(|config| config.keep = Keep::Count(4)),
+            "keep = 4, and must be from 1 to the 3 demonstrations there are, auto, or quarter"
         );
     }
 

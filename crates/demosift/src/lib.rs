@@ -31,7 +31,7 @@
 //! })?;
 //!
 //! // Imitating the second or the fourth demonstration leads to the goal, so these are kept.
-//! let mut kept: Vec<usize> = sifted.subset.demos.iter().map(|demo| demo.0).collect();
+//! let mut kept: Vec<usize> = sifted.selection.subset.demos.iter().map(|demo| demo.0).collect();
 //! kept.sort();
 //! assert_eq!(kept, [1, 3]);
 //! // The policy that learned from them comes nearer to the goal than the one that learned from all.
@@ -45,6 +45,7 @@
 pub mod adapt;
 pub mod advantage;
 pub mod artifact;
+pub mod data_only;
 pub mod demonstration;
 pub mod demonstrator;
 pub mod environment;
@@ -73,5 +74,6 @@ pub mod select;
 pub mod solve;
 pub mod trajectory;
 pub mod trpo;
+pub mod uncertainty;
 
 pub use error::{Error, Result};

@@ -10,6 +10,7 @@ use crate::meta_train::{MetaTraining, MutualInformation};
 use crate::mutual_information::{Credit, Paid, PosteriorFitting};
 use crate::policy::PolicyShape;
 use crate::rollout::Acting;
+use crate::select::Keep;
 use crate::trpo::TrustRegion;
 
 /// How much a run may cost.
@@ -32,7 +33,7 @@ impl Preset {
     pub fn config(self) -> Config {
         Config {
             seed: 0,
-            keep: 0,
+            keep: Keep::Quarter,
             policy: PolicyShape { hidden: vec![32, 32], initial_std: 0.5 },
             inner: InnerUpdate { alphas: self.alphas(), ..update(20, 0.15) },
             meta_train: MetaTraining {

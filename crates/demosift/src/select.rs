@@ -35,6 +35,57 @@ pub struct Subset {
     pub demos: Vec<DemoId>,
 }
 
+/// How many demonstrations to keep, written `quarter`, `auto` or a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
+pub enum Keep {
+    /// A quarter of the set, rounded up.
+    Quarter,
+    /// Those that this budget shows to be worth it; see [`crate::uncertainty`].
+    Auto,
+    /// K of the top K.
+    Count(usize),
+}
+
+impl std::fmt::Display for Keep {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Quarter => "quarter".fmt(out),
+            Self::Auto => "auto".fmt(out),
+            Self::Count(count) => count.fmt(out),
+        }
+    }
+}
+
+impl std::str::FromStr for Keep {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match (text, text.parse()) {
+            ("quarter", _) => Ok(Self::Quarter),
+            ("auto", _) => Ok(Self::Auto),
+            (_, Ok(count)) => Ok(Self::Count(count)),
+            _ => Err(Error::bad_config(format!(
+                "keep = {text}, and must be auto, quarter, or a number of demonstrations"
+            ))),
+        }
+    }
+}
+
+impl TryFrom<String> for Keep {
+    type Error = Error;
+
+    fn try_from(text: String) -> Result<Self> {
+        text.parse()
+    }
+}
+
+impl From<Keep> for String {
+    fn from(keep: Keep) -> Self {
+        keep.to_string()
+    }
+}
+
 /// The ranking over all variants by mean suitability (Eq. 9 for a single variant); ties by id.
 pub fn rank(table: &ScoreTable) -> Ranking {
     rank_where(table, |_| true)
@@ -95,6 +146,18 @@ mod tests {
 
     fn order(ranking: &Ranking) -> Vec<usize> {
         ranking.entries.iter().map(|entry| entry.demo.0).collect()
+    }
+
+    #[test]
+    fn what_to_keep_is_written_as_it_is_read() {
+        for keep in [Keep::Quarter, Keep::Auto, Keep::Count(3)] {
+            assert_eq!(keep.to_string().parse::<Keep>().expect("its own words"), keep);
+        }
+        let error = "most".parse::<Keep>().expect_err("no such word");
+        assert_eq!(
+            error.to_string(),
+            "keep = most, and must be auto, quarter, or a number of demonstrations"
+        );
     }
 
     #[test]

@@ -20,7 +20,7 @@ use demosift::preset::Preset;
 use demosift::recording;
 use demosift::rollout::Playground;
 use demosift::seed::Seed;
-use demosift::select;
+use demosift::select::{self, Keep};
 use demosift::trpo::TrustRegion;
 
 /// Small enough for a test, large enough to rank.
@@ -29,7 +29,7 @@ fn small(seed: u64) -> Config {
     let fitting = demosift::gail::Fitting { learning_rate: 0.01, steps: 20, batch: 100, entropy: 0.3 };
     Config {
         seed,
-        keep: 2,
+        keep: Keep::Count(2),
         policy: PolicyShape { hidden: vec![16, 16], initial_std: 0.5 },
         inner: InnerUpdate {
             batch_steps: 240,

@@ -1,8 +1,8 @@
 //! `demosift imitate`: Subset → LearningCurve.
 
 use demosift::demonstration::{DemoId, DemonstrationSet};
-use demosift::experiment;
 use demosift::{Error, Result};
+use demosift::{experiment, metrics};
 use serde_json::json;
 
 use super::{kept_in, select};
@@ -21,7 +21,7 @@ pub(crate) fn run(arguments: &ImitateArguments) -> Result<()> {
 fn compare(job: &mut Job, json: bool) -> Result<()> {
     let ids = job.set().ids();
     let (from_subset, from_all) = job.run(|run| {
-        let (_, subset) = select::selection(run)?;
+        let subset = select::selection(run)?.subset;
         let from_subset = experiment::learning_curve(run, "subset", &subset.demos)?;
         Ok((from_subset, experiment::learning_curve(run, "all", &ids)?))
     })?;
@@ -30,6 +30,7 @@ fn compare(job: &mut Job, json: bool) -> Result<()> {
             "kept": from_subset.demos,
             "from_subset": from_subset.outcome,
             "from_all": from_all.outcome,
+            "gain": metrics::gain(&from_subset.outcome, &from_all.outcome),
             "unit": job.unit(),
             "run_folder": job.folder().path(),
         }));

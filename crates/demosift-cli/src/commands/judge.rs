@@ -7,27 +7,35 @@ use serde_json::json;
 use super::kept_in;
 use crate::arguments::JobArguments;
 use crate::job::Job;
-use crate::{tables, terminal};
+use crate::tables::by_variant;
+use crate::tables::judgment::{self, Judgment};
+use crate::terminal;
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = Job::open(arguments)?;
-    let scores = job.run(|run| {
+    let (scores, uncertainty, data_only) = job.run(|run| {
         let prior = experiment::prior(run)?;
-        experiment::scores(run, &prior)
+        let scores = experiment::scores(run, &prior)?;
+        let uncertainty = experiment::doubts(run, &scores)?;
+        Ok((scores, uncertainty, experiment::data_only(run)?))
     })?;
-    let (ranking, own) = (select::rank(&scores), job.own());
+    let (ranking, beside) = (select::rank(&scores), job.beside(data_only));
     if arguments.run.json {
         terminal::show_json(&json!({
             "scores": scores,
-            "own": own.scores(),
-            "spearman_with_own": own.agreement(&ranking),
+            "uncertainty": uncertainty,
+            "caveat": uncertainty.caveat(),
+            "data_only": judgment::data_only_json(&ranking, &beside.data_only),
             "unit": job.unit(),
             "run_folder": job.folder().path(),
         }));
         return Ok(());
     }
-    terminal::show(&tables::ranking(job.set(), &ranking, None, &own, job.unit()));
-    terminal::show(&tables::by_variant::gains(&scores, job.variants(), job.unit()));
+    let judgment =
+        Judgment { set: job.set(), ranking: &ranking, uncertainty: &uncertainty, unit: job.unit() };
+    terminal::show(&judgment::ranking(&judgment, None));
+    terminal::show(&by_variant::gains(&scores, job.variants(), job.unit()));
+    terminal::show(&judgment::beside(&ranking, &beside));
     terminal::show(&kept_in(job.folder()));
     Ok(())
 }

@@ -190,3 +190,32 @@ fn algorithm_1_line_13_judges_the_posterior_on_held_out_pairs() {
     let log_q_of_train = -scene.state.posterior.std().ln() - 0.5 - 0.5 * (2.0 * std::f64::consts::PI).ln();
     assert!(scene.report.log_q < log_q_of_train, "{:?}", scene.report);
 }
+
+/// On trajectories that neither Q nor the step has seen, with the same random numbers for the policy at θ' and at θ''.
+#[test]
+fn algorithm_1_line_14_as_written_raises_log_q_on_fresh_pairs() {
+    let posterior = PosteriorFitting { steps: 200, learning_rate: 0.01, ..information().posterior };
+    let how = MutualInformation { paid: Paid::After, batch_steps: 3000, posterior, ..information() };
+    let scene = scene(&how, 1);
+    let task = PointMass::new();
+    let playground = Playground::new(&task);
+    let posterior = &scene.state.posterior;
+    let states = |policy: &Policy, name: &str| {
+        let seeds = Seed::new(77).of(name).many(200);
+        let played = rollout::play(&playground, policy, Acting::Sampled, EnvVariant(0), seeds);
+        let played = Played::new(&playground, policy, &played.expect("the point mass plays"));
+        let readings = how.posterior.readings;
+        posterior.read(&Sequences::read(&played.observations, &played.lengths, (30, readings)))
+    };
+    let before = states(&scene.prior.policy, "before");
+    let log_q = |policies: &[Policy]| {
+        let of = |(policy, encoding): (&Policy, &f32)| {
+            let rewards =
+                information_rewards(posterior, (&before, &states(policy, "after")), *encoding, Paid::After);
+            rewards.iter().sum::<f64>() / rewards.len() as f64
+        };
+        policies.iter().zip(&scene.encodings).map(of).sum::<f64>() / policies.len() as f64
+    };
+    let (adapted, informed) = (log_q(&scene.adapted), log_q(&scene.informed));
+    assert!(informed > adapted, "{adapted} after imitating, {informed} after the step");
+}

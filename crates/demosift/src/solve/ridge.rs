@@ -24,6 +24,18 @@ const BLOCK: usize = 250;
 /// # Panics
 /// If there are not as many targets as rows: a bug of the caller.
 pub fn ridge(features: &Rows, targets: &[f32], ridge: f64) -> Result<Vec<f64>> {
+    let targets = Rows::from_flat(targets.to_vec(), 1)?;
+    Ok(ridge_columns(features, &targets, ridge)?.remove(0))
+}
+
+/// The same for targets of several columns `[len, columns]`: the weights of each, `[columns][width]`.
+///
+/// # Errors
+/// As [`ridge`]; λ is the same for all columns.
+///
+/// # Panics
+/// If there are not as many rows of targets as of features: a bug of the caller.
+pub fn ridge_columns(features: &Rows, targets: &Rows, ridge: f64) -> Result<Vec<Vec<f64>>> {
     assert_eq!(features.len(), targets.len(), "a target for each row");
     if !(ridge > 0.0 && ridge.is_finite()) {
         return Err(Error::bad_config(format!("the ridge must be a positive number, got {ridge}")));
@@ -31,7 +43,8 @@ pub fn ridge(features: &Rows, targets: &[f32], ridge: f64) -> Result<Vec<f64>> {
     let (gram, moments) = normal_equations(features, targets);
     let mut lambda = ridge;
     for _ in 0..=ATTEMPTS {
-        if let Some(weights) = solve(gram.clone(), &moments, lambda) {
+        let columns = moments.iter().map(|moments| solve(gram.clone(), moments, lambda));
+        if let Some(weights) = columns.collect() {
             return Ok(weights);
         }
         lambda *= 10.0;
@@ -43,21 +56,25 @@ pub fn ridge(features: &Rows, targets: &[f32], ridge: f64) -> Result<Vec<f64>> {
     )))
 }
 
-/// XᵀX `[width, width]` and Xᵀy `[width]`.
-fn normal_equations(features: &Rows, targets: &[f32]) -> (Vec<f64>, Vec<f64>) {
-    let width = features.width();
-    let (mut gram, mut moments) = (vec![0.0; width * width], vec![0.0; width]);
+/// XᵀX `[width, width]` and Xᵀy of each column, `[columns][width]`.
+fn normal_equations(features: &Rows, targets: &Rows) -> (Vec<f64>, Vec<Vec<f64>>) {
+    let (width, columns) = (features.width(), targets.width());
+    let (mut gram, mut moments) = (vec![0.0; width * width], vec![0.0; width * columns]);
     let (mut x, mut y) = (Vec::new(), Vec::new());
-    for (features, targets) in features.flat().chunks(BLOCK * width.max(1)).zip(targets.chunks(BLOCK)) {
+    let blocks =
+        features.flat().chunks(BLOCK * width.max(1)).zip(targets.flat().chunks(BLOCK * columns.max(1)));
+    for (features, targets) in blocks {
         x.clear();
         x.extend(features.iter().map(|value| f64::from(*value)));
         y.clear();
         y.extend(targets.iter().map(|value| f64::from(*value)));
-        let rows = Matrix::new(&x, y.len(), width);
+        let len = y.len() / columns;
+        let rows = Matrix::new(&x, len, width);
         product(rows.transposed(), rows, &mut gram, Target::Add);
-        product(rows.transposed(), Matrix::new(&y, y.len(), 1), &mut moments, Target::Add);
+        product(rows.transposed(), Matrix::new(&y, len, columns), &mut moments, Target::Add);
     }
-    (gram, moments)
+    let column = |column: usize| moments.iter().skip(column).step_by(columns).copied().collect();
+    (gram, (0..columns).map(column).collect())
 }
 
 /// (gram + λI)⁻¹ moments by Cholesky's factorization; `None` where the matrix is not safely positive definite.
@@ -117,6 +134,18 @@ mod tests {
             sums.iter_mut().zip(row).for_each(|(sum, x)| *sum += f64::from(*x) * error);
         }
         sums.into_iter().map(f64::abs).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn several_columns_are_each_column_by_itself() {
+        let features = Rows::from_flat(random(700 * 9, "features"), 9).unwrap();
+        let targets = Rows::from_flat(random(700 * 3, "targets"), 3).unwrap();
+        let together = ridge_columns(&features, &targets, 0.1).unwrap();
+        for (column, together) in together.iter().enumerate() {
+            let alone: Vec<f32> = targets.iter().map(|row| row[column]).collect();
+            let alone = ridge(&features, &alone, 0.1).unwrap();
+            assert!(alone.iter().zip(together).all(|(a, b)| (a - b).abs() < 1e-12));
+        }
     }
 
     #[test]

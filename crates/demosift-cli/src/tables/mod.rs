@@ -1,13 +1,12 @@
 //! Results as plain tables and sentences.
 
 pub(crate) mod by_variant;
+pub(crate) mod judgment;
 
 use demosift::demonstration::{DemoId, DemonstrationSet};
 use demosift::heuristic::Score;
 use demosift::imitate::LearningCurve;
-use demosift::select::{Ranking, Subset};
-
-use crate::own_heuristic::{self, Own};
+use demosift::metrics::{self, Gain, Verdict};
 
 /// Columns that fit their widest cell; words to the left, numbers to the right.
 pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
@@ -58,7 +57,7 @@ impl<'a> Scale<'a> {
         written
     }
 
-    fn signed(self, score: Score) -> String {
+    pub(crate) fn signed(self, score: Score) -> String {
         format!("{score:+.*}", self.decimals)
     }
 
@@ -69,81 +68,6 @@ impl<'a> Scale<'a> {
     /// A column's title with the unit of its numbers.
     pub(crate) fn title(self, name: &str) -> String {
         if self.unit.is_empty() { name.to_owned() } else { format!("{name} [{}]", self.unit) }
-    }
-}
-
-/// The demonstrations from the most to the least suitable, and which of them were kept.
-pub(crate) fn ranking(
-    set: &DemonstrationSet,
-    ranking: &Ranking,
-    subset: Option<&Subset>,
-    own: &Own,
-    unit: &str,
-) -> String {
-    let entries = &ranking.entries;
-    let scores = entries.iter().flat_map(|entry| [entry.before, entry.after]);
-    let scale = Scale::of(scores.chain(own.scores().into_iter().flatten().copied()), unit);
-    let titles = ["before", "after", "gain", "its own"].map(|name| scale.title(name));
-    let mut header = vec!["rank", "demonstration", "steps", &titles[0], &titles[1], &titles[2]];
-    if subset.is_some() {
-        header.push("kept");
-    }
-    if own.scores().is_some() {
-        header.push(&titles[3]);
-    }
-    let rows: Vec<Vec<String>> = entries
-        .iter()
-        .enumerate()
-        .map(|(place, entry)| {
-            let mut row = vec![
-                (place + 1).to_string(),
-                entry.demo.to_string(),
-                set.get(entry.demo).steps().to_string(),
-                scale.plain(entry.before),
-                scale.plain(entry.after),
-                scale.signed(entry.score),
-            ];
-            row.extend(
-                subset.map(|subset| if subset.demos.contains(&entry.demo) { "kept" } else { "-" }.to_owned()),
-            );
-            row.extend(own.scores().map(|scores| scale.plain(scores[entry.demo.0])));
-            row
-        })
-        .collect();
-    let what = "How good the agent is at the task before and after it imitates each demonstration (higher is better):";
-    format!("{what}\n\n{}{}{}", table(&header, &rows), doubts(ranking, subset), beside(ranking, own))
-}
-
-/// What the recorded demonstrations themselves scored, which the ranking never saw.
-fn beside(ranking: &Ranking, own: &Own) -> String {
-    match own {
-        Own::Unknown => String::new(),
-        Own::Unusable(why) => format!("\nThe demonstrations' own heuristic is not known: {why}\n"),
-        Own::Known(scores) => own_heuristic::agreement(ranking, scores).map_or(String::new(), |agreement| {
-            format!("\nSpearman's rank correlation of the gain with the demonstrations' own heuristic: {agreement:.2}\n")
-        }),
-    }
-}
-
-/// Says which of the kept demonstrations did not help.
-fn doubts(ranking: &Ranking, subset: Option<&Subset>) -> String {
-    let kept = |demo: &DemoId| subset.is_some_and(|subset| subset.demos.contains(demo));
-    let useless: Vec<DemoId> = ranking
-        .entries
-        .iter()
-        .filter(|entry| entry.score <= 0.0)
-        .map(|entry| entry.demo)
-        .filter(kept)
-        .collect();
-    match useless.as_slice() {
-        [] => String::new(),
-        [demo] => {
-            format!("\nDemonstration {demo} was kept, although imitating it did not make the agent better.\n")
-        }
-        demos => format!(
-            "\nDemonstrations {} were kept, although imitating them did not make the agent better.\n",
-            list(demos)
-        ),
     }
 }
 
@@ -205,31 +129,49 @@ fn verdict(
     from_all: &LearningCurve,
     unit: &str,
 ) -> String {
-    let (subset, all) = (from_subset.outcome, from_all.outcome);
-    let better = subset.score - all.score;
-    let noise = 2.0 * subset.standard_error.hypot(all.standard_error);
-    let scale = Scale::of([subset.score, all.score], unit);
+    let Gain { gain, low, high, verdict } = metrics::gain(&from_subset.outcome, &from_all.outcome);
+    let scale = Scale::of([from_subset.outcome.score, from_all.outcome.score], unit);
     if from_subset.demos.len() == set.len() {
-        "All demonstrations were kept, so there is nothing to compare.".to_owned()
-    } else if better.abs() <= noise {
-        format!(
-            "Selecting made no difference that these episodes can show: the policy from the kept demonstrations scores {} {unit}, give or take {}.",
-            scale.signed(better),
-            scale.with_unit(noise)
-        )
-    } else if better > 0.0 {
-        format!(
-            "Selecting helped: the policy from the kept demonstrations is better by {}. \
-             That is one training run each; another --seed shows how sure it is.",
-            scale.with_unit(better)
-        )
-    } else {
-        format!(
-            "Selecting did NOT help: the policy from the kept demonstrations is worse by {}. \
-             Use the whole set, choose others by `demosift imitate --resume --demonstration-ids`, or try another --seed or a larger --preset.",
-            scale.with_unit(-better)
-        )
+        return "All demonstrations were kept, so there is nothing to compare.".to_owned();
     }
+    let between =
+        format!("between {} and {}", scale.signed(low), format!("{} {unit}", scale.signed(high)).trim_end());
+    wrapped(&match verdict {
+        Verdict::NoDifference => format!(
+            "Nothing is gained by selecting, as far as these episodes show: the policy from the kept demonstrations \
+             scores {} beside the one from all, {between}.",
+            format!("{} {unit}", scale.signed(gain)).trim_end()
+        ),
+        Verdict::Better => format!(
+            "Selecting helped: the policy from the kept demonstrations is better by {}, {between} by these episodes. \
+             That is one training run each; another --seed shows how sure it is.",
+            scale.with_unit(gain)
+        ),
+        Verdict::Worse => format!(
+            "Selecting did NOT help: the policy from the kept demonstrations is worse by {}, {between} by these \
+             episodes. Use the whole set, choose others by `demosift imitate --resume --demonstration-ids`, or try \
+             another --seed or a larger --preset.",
+            scale.with_unit(-gain)
+        ),
+    })
+}
+
+/// Lines of at most the width that tables keep to.
+pub(crate) fn wrapped(text: &str) -> String {
+    const WIDTH: usize = 100;
+    let mut lines = vec![String::new()];
+    for word in text.split(' ') {
+        let line = lines.last_mut().expect("there is always one");
+        if line.is_empty() {
+            line.push_str(word);
+        } else if line.chars().count() + 1 + word.chars().count() <= WIDTH {
+            line.push(' ');
+            line.push_str(word);
+        } else {
+            lines.push(word.to_owned());
+        }
+    }
+    lines.join("\n")
 }
 
 /// Ids in ascending order.

@@ -1,0 +1,260 @@
+//! The judgment of a set: the ranking with its doubts, and what the recordings alone say.
+
+use demosift::data_only::DataOnly;
+use demosift::demonstration::{DemoId, DemonstrationSet};
+use demosift::metrics;
+use demosift::select::{Keep, Ranking, Subset};
+use demosift::uncertainty::Uncertainty;
+use serde_json::{Value, json};
+
+use crate::own_heuristic::Beside;
+
+use super::{Scale, list, percent, table, wrapped};
+
+/// What is shown of a judgment.
+pub(crate) struct Judgment<'a> {
+    pub(crate) set: &'a DemonstrationSet,
+    pub(crate) ranking: &'a Ranking,
+    pub(crate) uncertainty: &'a Uncertainty,
+    pub(crate) unit: &'a str,
+}
+
+/// The demonstrations from the most to the least suitable with their intervals, and which of them were kept.
+pub(crate) fn ranking(judgment: &Judgment<'_>, kept: Option<(&Subset, Keep)>) -> String {
+    let Judgment { set, ranking, uncertainty, unit } = judgment;
+    let entries = &ranking.entries;
+    let scale = Scale::of(entries.iter().flat_map(|entry| [entry.before, entry.after]), unit);
+    let k = kept.map_or(set.len().div_ceil(4), |(subset, _)| subset.demos.len());
+    let titles = [
+        scale.title("after"),
+        scale.title("gain"),
+        format!("{} interval", percent(uncertainty.level)),
+        format!("P(top {k})"),
+    ];
+    let mut header = vec!["rank", "demonstration", "steps"];
+    header.extend(titles.iter().map(String::as_str));
+    header.push("group");
+    if kept.is_some() {
+        header.push("kept");
+    }
+    let rows: Vec<Vec<String>> = entries
+        .iter()
+        .zip(&uncertainty.demonstrations)
+        .enumerate()
+        .map(|(place, (entry, doubt))| {
+            let mut row = vec![
+                (place + 1).to_string(),
+                entry.demo.to_string(),
+                set.get(entry.demo).steps().to_string(),
+                scale.plain(entry.after),
+                scale.signed(entry.score),
+                format!("[{}, {}]", scale.signed(doubt.low), scale.signed(doubt.high)),
+                percent(doubt.top[k - 1]),
+                group(uncertainty, entry.demo),
+            ];
+            row.extend(kept.map(|(subset, _)| is_kept(subset, entry.demo).to_owned()));
+            row
+        })
+        .collect();
+    let before = entries.first().map_or(f64::NAN, |entry| entry.before);
+    let what = format!(
+        "How good the agent is at the task after it imitates each demonstration (higher is better; before, it \
+         scores {}):",
+        scale.with_unit(before)
+    );
+    format!("{}\n\n{}{}", wrapped(&what), table(&header, &rows), remarks(judgment, kept))
+}
+
+fn is_kept(subset: &Subset, demo: DemoId) -> &'static str {
+    if subset.demos.contains(&demo) { "kept" } else { "-" }
+}
+
+/// The number of the group that a demonstration belongs to.
+fn group(uncertainty: &Uncertainty, demo: DemoId) -> String {
+    let place = uncertainty.groups.iter().position(|group| group.contains(&demo));
+    place.map_or("-".to_owned(), |place| (place + 1).to_string())
+}
+
+/// What the table does not say by itself, a paragraph each.
+fn remarks(judgment: &Judgment<'_>, kept: Option<(&Subset, Keep)>) -> String {
+    let Judgment { ranking, uncertainty, .. } = judgment;
+    let mut remarks = vec![if uncertainty.groups.len() > 1 {
+        format!(
+            "A group holds what cannot be told from its best, by the {} interval of their difference.",
+            percent(uncertainty.level)
+        )
+    } else {
+        "This budget can tell no demonstration from the best: their order may be chance.".to_owned()
+    }];
+    remarks.extend(uncertainty.caveat());
+    if let Some((subset, keep)) = kept {
+        if keep == Keep::Auto {
+            remarks.push(why_kept(uncertainty, subset));
+        }
+        remarks.extend(useless(ranking, subset));
+    }
+    remarks.iter().map(|remark| format!("\n{}\n", wrapped(remark))).collect()
+}
+
+/// What `--keep auto` went by.
+fn why_kept(uncertainty: &Uncertainty, subset: &Subset) -> String {
+    let level = percent(uncertainty.level);
+    let improves =
+        |demo: &DemoId| uncertainty.of(*demo).is_some_and(|doubt| doubt.improves >= uncertainty.level);
+    if !subset.demos.iter().all(improves) {
+        return format!(
+            "No demonstration makes the agent better with a probability of {level}; kept were those that may be the \
+             best."
+        );
+    }
+    let all =
+        if subset.demos.len() == uncertainty.demonstrations.len() { " That is all of them." } else { "" };
+    format!(
+        "Kept is what makes the agent better with a probability of {level} or more, and is not with as much less than \
+         half as good as the best.{all}"
+    )
+}
+
+/// Says which of the kept demonstrations did not help.
+fn useless(ranking: &Ranking, subset: &Subset) -> Option<String> {
+    let entries = ranking.entries.iter().filter(|entry| entry.score <= 0.0).map(|entry| entry.demo);
+    let useless: Vec<DemoId> = entries.filter(|demo| subset.demos.contains(demo)).collect();
+    match useless.as_slice() {
+        [] => None,
+        [demo] => Some(format!(
+            "Demonstration {demo} was kept, although imitating it did not make the agent better."
+        )),
+        demos => Some(format!(
+            "Demonstrations {} were kept, although imitating them did not make the agent better.",
+            list(demos)
+        )),
+    }
+}
+
+/// What the scorers of the recordings say, in the order of the ranking, with their agreement with it.
+pub(crate) fn beside(ranking: &Ranking, Beside { data_only, unusable }: &Beside) -> String {
+    let columns = &data_only.columns;
+    let unusable = unusable.as_ref().map_or(String::new(), |why| {
+        format!("\n{}\n", wrapped(&format!("The demonstrations' own heuristic is not known: {why}")))
+    });
+    if columns.is_empty() {
+        return unusable;
+    }
+    let header: Vec<&str> =
+        ["demonstration"].into_iter().chain(columns.iter().map(|column| column.name.as_str())).collect();
+    let mut rows: Vec<Vec<String>> = Vec::with_capacity(ranking.entries.len() + 1);
+    for entry in &ranking.entries {
+        let scores = columns.iter().map(|column| significant(column.scores[entry.demo.0]));
+        rows.push([entry.demo.to_string()].into_iter().chain(scores).collect());
+    }
+    let agreements = columns.iter().map(|column| agreement(ranking, &column.scores));
+    let written =
+        agreements.map(|value| if value.is_nan() { "-".to_owned() } else { format!("{value:+.2}") });
+    rows.push(["Spearman".to_owned()].into_iter().chain(written).collect());
+    let what = "What the recordings alone say (higher is better by each scorer's lights; none of it enters the \
+                ranking), and the rank correlation of each with the gain:";
+    format!("\n{}\n\n{}{unusable}", wrapped(what), table(&header, &rows))
+}
+
+/// Spearman's rank correlation of a column, in the order of the set, with the gains of a ranking.
+fn agreement(ranking: &Ranking, scores: &[f64]) -> f64 {
+    let (gains, scores): (Vec<f64>, Vec<f64>) =
+        ranking.entries.iter().map(|entry| (entry.score, scores[entry.demo.0])).unzip();
+    metrics::spearman(&gains, &scores)
+}
+
+/// The columns with their agreement.
+pub(crate) fn data_only_json(ranking: &Ranking, data_only: &DataOnly) -> Value {
+    let column = |column: &demosift::data_only::Column| {
+        let spearman = agreement(ranking, &column.scores);
+        json!({ "name": column.name, "meaning": column.meaning, "scores": column.scores, "spearman": spearman })
+    };
+    data_only.columns.iter().map(column).collect()
+}
+
+/// Three significant digits, or all before the point.
+fn significant(value: f64) -> String {
+    let magnitude = value.abs();
+    let decimals = match magnitude {
+        100.0.. => 0,
+        10.0.. => 1,
+        1.0.. => 2,
+        _ if magnitude.fract() == 0.0 => 0,
+        _ => 3,
+    };
+    format!("{value:.decimals$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use demosift::data_only::Column;
+    use demosift::select::Ranked;
+    use demosift::uncertainty::Doubt;
+    use demosift::{point_mass::planted_set, seed::Seed};
+
+    fn ranking_of(scores: &[f64]) -> Ranking {
+        let ranked = |(demo, score): (usize, &f64)| Ranked {
+            demo: DemoId(demo),
+            before: -100.0,
+            after: -100.0 + score,
+            score: *score,
+        };
+        Ranking { entries: scores.iter().enumerate().map(ranked).collect() }
+    }
+
+    fn uncertainty(scores: &[f64]) -> Uncertainty {
+        let doubt = |(demo, score): (usize, &f64)| Doubt {
+            demo: DemoId(demo),
+            score: *score,
+            low: score - 150.5,
+            high: score + 150.5,
+            improves: 0.95,
+            near_best: 0.5,
+            top: vec![0.5; scores.len()],
+        };
+        Uncertainty {
+            level: 0.9,
+            too_narrow: true,
+            repeats: 1,
+            evaluations: 5,
+            demonstrations: scores.iter().enumerate().map(doubt).collect(),
+            top_set: vec![0.2; scores.len()],
+            groups: vec![(0..scores.len()).map(DemoId).collect()],
+        }
+    }
+
+    #[test]
+    fn tables_and_remarks_fit_a_terminal_of_100_columns() {
+        let set = planted_set(&[0.0, 90.0, 180.0], Seed::new(1)).unwrap();
+        let scores = [101.5, 12.0, -3.0];
+        let (ranking, uncertainty) = (ranking_of(&scores), uncertainty(&scores));
+        let judgment = Judgment { set: &set, ranking: &ranking, uncertainty: &uncertainty, unit: "m" };
+        let subset = Subset { demos: vec![DemoId(0), DemoId(2)] };
+        let said = super::ranking(&judgment, Some((&subset, Keep::Auto)));
+        assert!(said.lines().all(|line| line.chars().count() <= 100), "{said}");
+        for wanted in [
+            "before, it scores -100.0 m",
+            "[-49.0, +252.0]",
+            "P(top 2)",
+            "can tell no demonstration",
+            "imitated once",
+            "Kept is what",
+        ] {
+            assert!(said.replace('\n', " ").contains(wanted), "{wanted}: {said}");
+        }
+        assert!(said.contains("Demonstration 2 was kept, although"), "{said}");
+        let column = |name: &str| Column {
+            name: name.to_owned(),
+            meaning: String::new(),
+            scores: vec![-1234.5, 0.25, 2.0],
+        };
+        let names = ["length", "jerk", "action range", "mutual information", "cloning loss", "heuristic"];
+        let data_only = DataOnly { columns: names.map(column).to_vec() };
+        let opinions = Beside { data_only, unusable: None };
+        let said = beside(&ranking, &opinions);
+        assert!(said.lines().all(|line| line.chars().count() <= 100), "{said}");
+        assert!(said.contains("-1.00") && said.contains("0.250"), "{said}");
+        assert_eq!(data_only_json(&ranking, &opinions.data_only)[0]["spearman"], -1.0);
+    }
+}
