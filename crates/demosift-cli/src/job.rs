@@ -88,6 +88,10 @@ impl Job {
         &self.set
     }
 
+    pub(crate) fn variants(&self) -> &[String] {
+        &self.chosen.task.specification().variants
+    }
+
     pub(crate) fn unit(&self) -> &str {
         self.chosen.task.heuristic().unit()
     }

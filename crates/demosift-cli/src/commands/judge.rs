@@ -7,6 +7,7 @@ use serde_json::json;
 use super::kept_in;
 use crate::arguments::JobArguments;
 use crate::job::Job;
+use crate::tables::by_variant;
 use crate::tables::judgment::{self, Judgment};
 use crate::terminal;
 
@@ -33,6 +34,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let judgment =
         Judgment { set: job.set(), ranking: &ranking, uncertainty: &uncertainty, unit: job.unit() };
     terminal::show(&judgment::ranking(&judgment, None));
+    terminal::show(&by_variant::gains(&scores, job.variants(), job.unit()));
     terminal::show(&judgment::beside(&ranking, &beside));
     terminal::show(&kept_in(job.folder()));
     Ok(())

@@ -7,13 +7,14 @@ use serde_json::json;
 use super::kept_in;
 use crate::arguments::JobArguments;
 use crate::job::Job;
+use crate::tables::by_variant;
 use crate::tables::judgment::{self, Judgment};
 use crate::{tables, terminal};
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = Job::open(arguments)?;
     let sifted = job.run(experiment::sift)?;
-    let Sifted { selection, from_subset, from_all, gain, .. } = &sifted;
+    let Sifted { scores, selection, from_subset, from_all, gain, .. } = &sifted;
     let Selection { ranking, uncertainty, subset } = selection;
     let beside = job.beside(sifted.data_only.clone());
     if arguments.run.json {
@@ -33,6 +34,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     }
     let judgment = Judgment { set: job.set(), ranking, uncertainty, unit: job.unit() };
     terminal::show(&judgment::ranking(&judgment, Some((subset, job.keep()))));
+    terminal::show(&by_variant::gains(scores, job.variants(), job.unit()));
     terminal::show(&judgment::beside(ranking, &beside));
     terminal::show("\n");
     terminal::show(&tables::comparison(job.set(), from_subset, from_all, job.unit()));

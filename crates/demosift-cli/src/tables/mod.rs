@@ -1,5 +1,6 @@
 //! Results as plain tables and sentences.
 
+pub(crate) mod by_variant;
 pub(crate) mod judgment;
 
 use demosift::demonstration::{DemoId, DemonstrationSet};

@@ -57,7 +57,7 @@ pub(crate) fn shaping(task: &Specification) -> Result<Box<dyn RewardShaping>> {
 impl RewardShaping for PenaltySave {
     /// What the step changed in the worth of the state; the last one leaves nothing.
     fn reward(&self, step: &Transition<'_>) -> f64 {
-        let steps_left = step.horizon - step.steps;
+        let steps_left = step.horizon.saturating_sub(step.steps);
         let after = if steps_left == 0 { 0.0 } else { self.worth(step.after, steps_left) };
         // Where the episode starts from is nobody's merit, but the same for all actions.
         after - self.worth(step.before, steps_left + 1)
