@@ -18,7 +18,7 @@ const BUILT_IN_VALUES: [(&str, &str); 4] = [
     (POINT_MASS, include_str!("../../../configs/point_mass.toml")),
     ("half_cheetah", include_str!("../../../configs/half_cheetah.toml")),
     ("free_throw", include_str!("../../../configs/free_throw.toml")),
-    ("free_throw_taller", include_str!("../../../configs/free_throw.toml")),
+    ("free_throw_taller", include_str!("../../../configs/free_throw_taller.toml")),
 ];
 
 /// A task with what a run needs to know about where it comes from.
