@@ -1,8 +1,11 @@
 //! The taller thrower of Free Throw, made of the thrower: `tasks/free_throw/thrower.xml` with longer limbs, and a task file.
 //!
 //! Every length of the body grows, so its masses grow with the third power and its inertias with the fifth.
-//! Springs, dampers, armatures and torques grow like the inertias: the limbs then swing under the same actions as the
-//! shorter ones do, and the hand is faster because it is farther out.
+//! Springs, dampers and armatures grow like the inertias, so that the limbs swing back as the shorter ones do.
+//! The torques grow with the second power only: the taller thrower is weak for its size and needs all its strength for a
+//! throw, as the shorter one does. The same actions are too feeble for it then, and with torques that grow like the inertias
+//! they would be too strong; but a throw with half the strength is ruined by the noise from which a demonstrator learns, while
+//! noise on a torque that is at its limit is clipped away.
 //! The hand's cup keeps its size, since the ball does, and the ball moves to where the hand is.
 
 use std::path::Path;
@@ -49,7 +52,8 @@ fn without_comment(text: &str) -> &str {
     text.split_once("-->\n").map_or(text, |(_, rest)| rest)
 }
 
-/// The body with all its lengths times `factor`, and what belongs to its inertias times the fifth power of it.
+/// The body with all its lengths times `factor`, its torques times the second power of it, and what belongs to its inertias
+/// times the fifth.
 fn grown(body: &str, factor: f64) -> Result<String, String> {
     let mut out = String::with_capacity(body.len());
     // Where the bodies and frames that are open stand in the one around them.
@@ -75,9 +79,10 @@ fn grown(body: &str, factor: f64) -> Result<String, String> {
             for length in ["fromto", "size"] {
                 line = with_numbers(&line, length, |_, number| number * factor)?;
             }
-            for inertial in ["stiffness", "damping", "armature", "gear"] {
+            for inertial in ["stiffness", "damping", "armature"] {
                 line = with_numbers(&line, inertial, |_, number| number * factor.powi(5))?;
             }
+            line = with_numbers(&line, "gear", |_, number| number * factor.powi(2))?;
         }
         if tag.starts_with("<body ") || tag.starts_with("<frame ") {
             open.push(Place {
@@ -188,7 +193,7 @@ mod tests {
 <body name=\"ball\" pos=\"1 1 5\">
 <geom size=\"0.12\"/>
 </body>
-<motor gear=\"64\"/>
+<motor gear=\"8\"/>
 ";
         assert_eq!(grown(body, 2.0).unwrap(), wanted);
     }

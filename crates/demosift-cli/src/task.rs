@@ -20,7 +20,7 @@ const BUILT_IN_VALUES: [(&str, &str); 7] = [
     ("half_cheetah", include_str!("../../../configs/half_cheetah.toml")),
     ("free_throw", include_str!("../../../configs/free_throw.toml")),
     ("penalty_save", include_str!("../../../configs/penalty_save.toml")),
-    ("free_throw_taller", include_str!("../../../configs/free_throw.toml")),
+    ("free_throw_taller", include_str!("../../../configs/free_throw_taller.toml")),
     ("handstand", include_str!("../../../configs/handstand.toml")),
     ("martial_arts", include_str!("../../../configs/martial_arts.toml")),
 ];

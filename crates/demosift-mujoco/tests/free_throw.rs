@@ -148,17 +148,12 @@ fn the_taller_thrower_differs_in_its_body_alone() {
     }
 }
 
-/// The same torques swing the longer arm through the same angles: what overshoots by far for one scores for neither.
+/// The taller thrower needs all its strength, and another motion.
 #[test]
-fn the_scripted_throw_of_one_body_flies_too_far_for_the_taller_one_which_scores_with_less() {
+fn the_scripted_throw_of_the_thrower_is_too_feeble_for_the_taller_one() {
     let taller = registry::load("free_throw_taller").unwrap();
-    let farthest = taller.specification().measurement("x").unwrap();
     for seed in 0..40 {
         let episode = throw(&taller, seed, 1.0);
-        assert!(!episode.scored, "seed {seed}");
-        let reached = episode.measurements.iter().map(|row| row[farthest]).fold(f32::MIN, f32::max);
-        assert!(reached > 0.3, "the ball reached only x = {reached}");
+        assert!(!episode.scored, "seed {seed} scores {}", episode.score);
     }
-    let scored = (0..40).filter(|seed| throw(&taller, *seed, 0.65).scored).count();
-    assert!(scored >= 20, "{scored} of 40 weaker throws scored");
 }

@@ -30,7 +30,8 @@ pub struct DemonstratorTraining {
     pub trust_region: TrustRegion,
     /// How rewards become advantages.
     pub advantage: AdvantageEstimation,
-    /// Training ends before `updates` once this share of the episodes played for a step succeeded.
+    /// Training ends before `updates` once this share of the episodes played for a step succeeded, and of a hundred others:
+    /// the best of many batches is a lucky one.
     pub enough_success: f64,
     /// Steps between two snapshots of the policy, the stages to choose from.
     pub snapshot_every: usize,
@@ -108,8 +109,9 @@ pub fn train(
     loop {
         let (by_variant, stage) = play_stage(playground, training, &state, seed)?;
         report(&stage, observer);
+        let enough = |success: Option<f64>| success.is_some_and(|share| share >= training.enough_success);
         let last = state.updates >= training.updates
-            || stage.success.is_some_and(|success| success >= training.enough_success);
+            || enough(stage.success) && enough(confirmed_success(playground, &state, seed)?);
         if last || state.updates.is_multiple_of(training.snapshot_every.max(1)) {
             state.stages.push(stage);
         }
@@ -142,6 +144,18 @@ pub struct Outcome {
 /// Plays a policy as in training, its actions sampled, for `episodes` episodes that are spread evenly over the variants.
 pub fn assess(playground: &Playground<'_>, policy: &Policy, episodes: usize, seed: &Seed) -> Result<Outcome> {
     Ok(outcome(playground, &play_all_variants(playground, policy, episodes, seed)?.concat()))
+}
+
+/// Episodes that a success must be confirmed in.
+const CONFIRMING_EPISODES: usize = 100;
+
+fn confirmed_success(
+    playground: &Playground<'_>,
+    state: &DemonstratorState,
+    seed: &Seed,
+) -> Result<Option<f64>> {
+    let seed = seed.of("confirm").at(state.updates);
+    Ok(assess(playground, &state.policy, CONFIRMING_EPISODES, &seed)?.success)
 }
 
 fn play_stage(

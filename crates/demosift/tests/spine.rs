@@ -381,7 +381,8 @@ fn a_demonstrator_learns_the_task_from_its_reward() {
     assert!(last.success.unwrap() >= 0.95, "{:?}", last.success);
     assert!(last.score > first.score + 0.5 && last.task_return > first.task_return + 0.5);
     assert_eq!(last.environment_steps, last.updates * 20 * 30);
-    let chosen = recording::choose_stages(&stages.iter().collect::<Vec<_>>(), 3).unwrap();
+    let all: Vec<&Stage> = stages.iter().collect();
+    let chosen = recording::choose_stages(&all, 3).unwrap();
     assert!(chosen[0].score < chosen[1].score && chosen[1].score < chosen[2].score);
 }
 

@@ -34,7 +34,7 @@ batch_steps = 300
 
 /// A recording of the point mass that takes a second.
 pub(crate) const RECORD: &str = "record --task point_mass --count 3 --set demonstrator.snapshot_every=1 \
-                                 --set demonstrator.batch_steps=300 --set demonstrator.checkpoint_every=2";
+                                 --set demonstrator.batch_steps=300 --set demonstrator.updates=40 --set demonstrator.checkpoint_every=2";
 
 /// A folder that goes away with the test; commands run in it.
 pub(crate) struct Scratch(pub(crate) PathBuf);
