@@ -20,9 +20,9 @@ COLORS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9"]
 
 
 def commands():
-    """The rows of the table in data/README.md, in its order: name of the set, arguments."""
-    rows = re.findall(r"^\| `(\w+)` \|.*\| `demosift (record [^`]*)`", (ROOT / "data/README.md").read_text(), re.M)
-    return [(name, arguments.split()) for name, arguments in rows]
+    """The lines of data/README.md, in their order: name of the run folder, arguments."""
+    lines = re.findall(r"^demosift (record .*)$", (ROOT / "data/README.md").read_text(), re.M)
+    return [(Path(line.split("--out ")[1]).name, line.split()) for line in lines]
 
 
 def record(binary, runs):
@@ -48,7 +48,7 @@ def summary(runs):
         thinned = [row for index, row in enumerate(curve) if index % every == 0 or index == len(curve) - 1]
         reached = next((row["environment_steps"] for row in curve if row["success"] >= ENOUGH), None)
         found[name] = {
-            "demonstrator": provenance["demonstrator"],
+            "demonstrator": {key: provenance[key] for key in ["task", "updates", "environment_steps", "final"]},
             "guests": provenance.get("guests", []),
             "trained_here": bool(curve),
             "seconds": float((out / "seconds.txt").read_text()),
