@@ -359,7 +359,7 @@ mod tests {
             guest_stages(&stages, count).expect("some").iter().map(|stage| stage.score).collect()
         };
         assert_eq!(scores(2), [2.0, 3.0]);
-        assert_eq!(scores(4), [2.0, 2.0, 3.0, 3.0]);
+        assert_eq!(scores(5), [2.0, 2.0, 3.0, 3.0, 3.0]);
         let error = guest_stages(&stages[..2], 1).expect_err("not good enough");
         assert!(error.to_string().contains("reaches 30 %"), "{error}");
     }
