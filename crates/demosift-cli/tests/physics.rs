@@ -104,6 +104,35 @@ fn the_martial_arts_sets_are_whole_and_share_no_demonstration() {
     assert!(starts.windows(2).all(|pair| pair[0] != pair[1]));
 }
 
+/// Twelve demonstrations under five shots, each told by name, and each demonstration as good as when it was recorded.
+#[test]
+fn penalties_are_judged_under_every_shot() {
+    let scratch = Scratch::new("penalties");
+    let set = in_repository("data/penalty_save_12");
+    let tiny = "--task penalty_save --config tiny.toml --set meta_train.rounds=1 --set judge.iterations=1 \
+                --set judge.averaged=1 --set inner.batch_steps=120";
+    let said = scratch.succeed(&format!("judge {} {tiny} --out run", set.display()));
+    assert!(said.contains("The gain [m] under each variant"), "{said}");
+    assert!(
+        ["low_left", "low_right", "high_left", "high_right", "over"].iter().all(|shot| said.contains(shot))
+    );
+    let table = said.split("marked with *:").nth(1).unwrap();
+    assert_eq!(table.matches('*').count(), 5, "one best demonstration a shot: {said}");
+
+    let again = scratch.succeed(&format!("judge {} {tiny} --json --resume --out run", set.display()));
+    let again: serde_json::Value = serde_json::from_str(&again).unwrap();
+    let provenance = std::fs::read(in_repository("data/provenance/penalty_save_12.json")).unwrap();
+    let provenance: serde_json::Value = serde_json::from_slice(&provenance).unwrap();
+    let stored = provenance["demonstrations"].as_array().unwrap();
+    let columns = again["data_only"].as_array().unwrap();
+    let own =
+        columns.iter().find(|column| column["name"] == "heuristic").unwrap()["scores"].as_array().unwrap();
+    assert_eq!((own.len(), stored.len()), (12, 12));
+    for (own, origin) in own.iter().zip(stored) {
+        assert!((own.as_f64().unwrap() - origin["score"].as_f64().unwrap()).abs() < 1e-6, "{own} {origin}");
+    }
+}
+
 #[test]
 fn the_public_half_cheetah_set_is_judged() {
     let set = in_repository("../shared/data/half_cheetah_noisy/half_cheetah_noisy.hdf5");
