@@ -260,6 +260,9 @@ fn a_state_that_is_restored_leads_to_the_same_bits() {
     });
 }
 
+/// Of middle + half range in f64; MuJoCo cuts a control off at its range whatever it is given.
+const ROUNDING: f64 = 1e-12;
+
 #[test]
 fn no_control_leaves_its_range_and_the_ends_are_reached() {
     each(|task| {
@@ -273,14 +276,15 @@ fn no_control_leaves_its_range_and_the_ends_are_reached() {
             let action = random_action(specification, &mut rng);
             environment.step(&action, &mut observation, &mut measurements);
             for (control, [low, high]) in environment.controls().iter().zip(&ranges) {
-                assert!((*low..=*high).contains(control), "{control} of {low} to {high}");
+                assert!((low - ROUNDING..=high + ROUNDING).contains(control), "{control} of {low} to {high}");
             }
         }
         for (action, end) in [(-1.0, 0), (1.0, 1), (9.0, 1)] {
             start(task, &mut environment, 0);
             environment.step(&vec![action; ranges.len()], &mut observation, &mut measurements);
-            let ends: Vec<f64> = ranges.iter().map(|range| range[end]).collect();
-            assert_eq!(environment.controls(), ends, "{}", specification.name);
+            let pairs = environment.controls().iter().zip(&ranges);
+            let furthest = pairs.map(|(control, range)| (control - range[end]).abs()).fold(0.0, f64::max);
+            assert!(furthest <= ROUNDING, "{}: {furthest}", specification.name);
         }
     });
 }
