@@ -2,7 +2,7 @@
 //! with observation, measurements, task reward and resets, against `mj_step` on the same model with the same initial
 //! states, actions and threads.
 //!
-//! Interleaved runs; the medians are printed.
+//! Interleaved runs; the medians are printed. Tasks may be named: `-- martial_arts`.
 #![allow(clippy::print_stdout, clippy::unwrap_used, missing_docs)]
 
 use std::sync::{Arc, Mutex};
@@ -29,10 +29,15 @@ fn main() {
         "us: wall time of a control step on one thread; steps/s: of all threads; the goal is a ratio of {GOAL} at most"
     );
     println!(
-        "{:14} {:22} {:>7} {:>9} {:>9} {:>10} {:>7}",
+        "{:17} {:22} {:>7} {:>9} {:>9} {:>10} {:>7}",
         "task", "what", "threads", "bare us", "us", "steps/s", "ratio"
     );
+    let asked: Vec<String> =
+        std::env::args().skip(1).filter(|argument| !argument.starts_with("--")).collect();
     for name in registry::names() {
+        if !asked.is_empty() && !asked.iter().any(|task| task == name) {
+            continue;
+        }
         let task = registry::load(name).unwrap();
         for threads in [1, 2] {
             compare(name, &task, threads);
@@ -49,7 +54,7 @@ fn print_row((task, what): (&str, &str), threads: usize, steps: usize, bare: Vec
     let (bare, played) = (median(bare), median(played));
     let micros = |secs: f64| secs * threads as f64 / steps as f64 * 1e6;
     println!(
-        "{task:14} {what:22} {threads:>7} {:>9.2} {:>9.2} {:>10.0} {ratio:>7.3} {}",
+        "{task:17} {what:22} {threads:>7} {:>9.2} {:>9.2} {:>10.0} {ratio:>7.3} {}",
         micros(bare),
         micros(played),
         steps as f64 / played,
