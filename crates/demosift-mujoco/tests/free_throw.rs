@@ -1,13 +1,15 @@
 //! Free Throw can be thrown, by physics alone, and tells throws apart.
 #![allow(clippy::unwrap_used, missing_docs)]
 
-use demosift::environment::{EnvVariant, Environment, Specification, Task};
-use demosift::rows::Rows;
+mod support;
+
+use demosift::environment::{EnvVariant, Specification, Task};
 use demosift::seed::Seed;
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
 use mujoco_rs::prelude::MjModel;
 use rand::RngExt;
+use support::Episode;
 
 /// The throwers, the taller one second.
 const BODIES: [&str; 2] = ["free_throw", "free_throw_taller"];
@@ -17,33 +19,8 @@ const ACTIONS: usize = 21;
 /// Torques of shoulder (flexion, sideways), elbow and back in four control steps each; found by search in this model.
 const THROW: [[f32; 4]; 3] = [[1.0, -0.43, 1.0, 0.55], [1.0, 0.28, 0.77, 0.0], [-0.4, -0.2, 1.0, -0.83]];
 
-struct Episode {
-    score: f64,
-    scored: bool,
-    rewards: Vec<f32>,
-    measurements: Rows,
-}
-
 fn play(task: &MujocoTask, seed: u64, mut act: impl FnMut(usize, &mut [f32])) -> Episode {
-    let specification = task.specification();
-    let mut environment = task.mujoco_environment().unwrap();
-    let mut observation = vec![0.0; specification.observation_size];
-    let mut now = vec![0.0; specification.measurements.len()];
-    environment.reset(EnvVariant(0), Seed::new(seed), &mut observation, &mut now);
-    let (mut all, mut rewards) = (now.clone(), Vec::new());
-    for step in 0..HORIZON {
-        let mut action = [0.0; ACTIONS];
-        act(step, &mut action);
-        let outcome = environment.step(&action, &mut observation, &mut now);
-        assert!(!outcome.terminated && outcome.task_reward.is_finite());
-        assert!(observation.iter().all(|value| value.is_finite()));
-        rewards.push(outcome.task_reward);
-        all.extend_from_slice(&now);
-    }
-    assert_eq!(environment.warnings(), 0, "MuJoCo warned in the episode of seed {seed}");
-    let measurements = Rows::from_flat(all, now.len()).unwrap();
-    let score = task.heuristic().score(&measurements);
-    Episode { score, scored: task.succeeded(&measurements).unwrap(), rewards, measurements }
+    support::play(task, EnvVariant(0), seed, |_, step, action| act(step, action))
 }
 
 /// The scripted throw with all its torques times `strength`.
@@ -75,9 +52,9 @@ fn a_scripted_throw_scores_from_most_starts_and_a_weaker_one_from_none() {
     let task = registry::load("free_throw").unwrap();
     let good: Vec<Episode> = (0..40).map(|seed| throw(&task, seed, 1.0)).collect();
     let weak: Vec<Episode> = (0..40).map(|seed| throw(&task, seed, 0.7)).collect();
-    let scored = good.iter().filter(|episode| episode.scored).count();
+    let scored = good.iter().filter(|episode| episode.succeeded).count();
     assert!(scored >= 34, "{scored} of 40 throws scored");
-    assert!(weak.iter().all(|episode| !episode.scored));
+    assert!(weak.iter().all(|episode| !episode.succeeded));
     let worst = |episodes: &[Episode]| episodes.iter().map(|episode| episode.score).fold(0.0, f64::min);
     let best = |episodes: &[Episode]| episodes.iter().map(|episode| episode.score).fold(f64::MIN, f64::max);
     assert!(worst(&good) > best(&weak), "{} against {}", worst(&good), best(&weak));
@@ -86,7 +63,7 @@ fn a_scripted_throw_scores_from_most_starts_and_a_weaker_one_from_none() {
 #[test]
 fn free_throw_pays_a_score_its_hundred_once_and_a_throw_while_it_flies() {
     let task = registry::load("free_throw").unwrap();
-    let episode = (0..40).map(|seed| throw(&task, seed, 1.0)).find(|episode| episode.scored).unwrap();
+    let episode = (0..40).map(|seed| throw(&task, seed, 1.0)).find(|episode| episode.succeeded).unwrap();
     assert_eq!(episode.rewards.iter().filter(|reward| **reward > 99.0).count(), 1);
     let flying: f32 = episode.rewards[10..25].iter().sum();
     let holding: f32 = play(&task, 1, |_, _| ()).rewards[10..25].iter().sum();
@@ -115,7 +92,7 @@ fn the_ball_stays_in_the_hand_while_no_torque_is_applied() {
             let (first, last) =
                 (episode.measurements.row(0)[height], episode.measurements.row(HORIZON)[height]);
             assert!((first - last).abs() < 0.08, "the ball moved from {first} to {last}");
-            assert!(!episode.scored);
+            assert!(!episode.succeeded);
         }
     }
 }
@@ -126,7 +103,7 @@ fn ten_thousand_random_control_steps_never_warn_and_hardly_ever_score() {
         let (mut rng, mut scored) = (Seed::new(5).into_rng(), 0);
         for seed in 0..167 {
             let episode = play(&task, seed, |_, action| action.fill_with(|| rng.random_range(-1.0..=1.0)));
-            scored += usize::from(episode.scored);
+            scored += usize::from(episode.succeeded);
         }
         // The taller thrower's hand is near the rim, where luck reaches.
         assert!(scored <= 1, "{scored} of 167 random episodes of {} scored", task.specification().name);
@@ -154,6 +131,6 @@ fn the_scripted_throw_of_the_thrower_is_too_feeble_for_the_taller_one() {
     let taller = registry::load("free_throw_taller").unwrap();
     for seed in 0..40 {
         let episode = throw(&taller, seed, 1.0);
-        assert!(!episode.scored, "seed {seed} scores {}", episode.score);
+        assert!(!episode.succeeded, "seed {seed} scores {}", episode.score);
     }
 }

@@ -1,11 +1,13 @@
 //! A handstand can be kept, by feedback and not by standing still, and the heuristic tells how long it was.
 #![allow(clippy::unwrap_used, missing_docs)]
 
-use demosift::environment::{EnvVariant, Environment, Task};
+mod support;
+
+use demosift::environment::{EnvVariant, Task};
 use demosift::rows::Rows;
-use demosift::seed::Seed;
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
+use support::Episode;
 
 const HORIZON: usize = 120;
 const EPISODES: u64 = 20;
@@ -21,39 +23,16 @@ const ELBOW_HOLDS: f64 = -0.13;
 /// Tilt of the pelvis and angle of the shoulders at which the center of mass is above the palms.
 const BALANCED: [f64; 2] = [std::f64::consts::PI + 0.1, 3.24];
 
-struct Episode {
-    score: f64,
-    succeeded: bool,
-    task_return: f64,
-    measurements: Rows,
-}
-
 /// Plays an episode with the actions of shoulders and elbows.
 fn play(task: &MujocoTask, seed: u64, mut act: impl FnMut(&[f64], &[f64]) -> [f64; 2]) -> Episode {
-    let specification = task.specification();
     let id = |name: &str| task.model().mujoco().actuator(name).unwrap().id;
     let actuators =
         ["shoulder_y", "elbow"].map(|joint| ["right", "left"].map(|side| id(&format!("{side}_{joint}"))));
-    let mut environment = task.mujoco_environment().unwrap();
-    let mut observation = vec![0.0; specification.observation_size];
-    let mut now = vec![0.0; specification.measurements.len()];
-    environment.reset(EnvVariant(0), Seed::new(seed), &mut observation, &mut now);
-    let (mut all, mut task_return) = (now.clone(), 0.0);
-    for _ in 0..HORIZON {
-        let actions = act(environment.qpos(), environment.qvel());
-        let mut action = vec![0.0; specification.action_size];
-        for (sides, value) in actuators.iter().zip(actions) {
+    support::play(task, EnvVariant(0), seed, |environment, _, action| {
+        for (sides, value) in actuators.iter().zip(act(environment.qpos(), environment.qvel())) {
             sides.iter().for_each(|at| action[*at] = value as f32);
         }
-        let outcome = environment.step(&action, &mut observation, &mut now);
-        assert!(!outcome.terminated && outcome.task_reward.is_finite());
-        task_return += f64::from(outcome.task_reward);
-        all.extend_from_slice(&now);
-    }
-    assert_eq!(environment.warnings(), 0, "MuJoCo warned in the episode of seed {seed}");
-    let measurements = Rows::from_flat(all, now.len()).unwrap();
-    let score = task.heuristic().score(&measurements);
-    Episode { score, succeeded: task.succeeded(&measurements).unwrap(), task_return, measurements }
+    })
 }
 
 /// The feedback with all its gains times `strength`.
@@ -138,7 +117,8 @@ fn the_reward_of_success_comes_on_top_and_a_touch_of_the_head_ends_it() {
     let good = balance(&task, 0, 1.0);
     assert!(good.succeeded);
     let bad = play(&task, 0, |_, _| [0.0; 2]);
-    assert!(good.task_return > bad.task_return + 1000.0);
+    let paid = |episode: &Episode| episode.rewards.iter().sum::<f32>();
+    assert!(paid(&good) > paid(&bad) + 1000.0);
     // The same episode, in one row of which the head touches, or a hand or a foot is not where it belongs.
     for (name, value) in [("head_touches", 1.0), ("left_hand_height", 0.2), ("right_foot_height", 1.0)] {
         let width = good.measurements.width();

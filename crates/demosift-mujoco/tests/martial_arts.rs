@@ -1,12 +1,15 @@
 //! Martial Arts can be won, by physics alone, and tells kicks apart.
 #![allow(clippy::unwrap_used, missing_docs)]
 
-use demosift::environment::{EnvVariant, Environment, Task};
+mod support;
+
+use demosift::environment::{EnvVariant, Task};
 use demosift::rows::Rows;
 use demosift::seed::Seed;
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
 use rand::RngExt;
+use support::Episode;
 
 const HORIZON: usize = 60;
 const ACTIONS: usize = 21;
@@ -29,33 +32,8 @@ const KICK: [[f32; 8]; 4] = [
     [0.10, 0.21, -0.79, -0.64, 0.25, -0.31, -0.25, 0.39],
 ];
 
-struct Episode {
-    score: f64,
-    succeeded: bool,
-    rewards: Vec<f32>,
-    measurements: Rows,
-}
-
 fn play(task: &MujocoTask, seed: u64, mut act: impl FnMut(usize, &mut [f32])) -> Episode {
-    let specification = task.specification();
-    let mut environment = task.mujoco_environment().unwrap();
-    let mut observation = vec![0.0; specification.observation_size];
-    let mut now = vec![0.0; specification.measurements.len()];
-    environment.reset(EnvVariant(0), Seed::new(seed), &mut observation, &mut now);
-    let (mut all, mut rewards) = (now.clone(), Vec::new());
-    for step in 0..HORIZON {
-        let mut action = [0.0; ACTIONS];
-        act(step, &mut action);
-        let outcome = environment.step(&action, &mut observation, &mut now);
-        assert!(!outcome.terminated && outcome.task_reward.is_finite());
-        assert!(observation.iter().all(|value| value.is_finite()));
-        rewards.push(outcome.task_reward);
-        all.extend_from_slice(&now);
-    }
-    assert_eq!(environment.warnings(), 0, "MuJoCo warned in the episode of seed {seed}");
-    let measurements = Rows::from_flat(all, now.len()).unwrap();
-    let score = task.heuristic().score(&measurements);
-    Episode { score, succeeded: task.succeeded(&measurements).unwrap(), rewards, measurements }
+    support::play(task, EnvVariant(0), seed, |_, step, action| act(step, action))
 }
 
 /// The scripted kick with all its angles times `strength`.

@@ -1,44 +1,21 @@
 //! Penalty Save can be played, by physics alone, and tells saves from goals.
 #![allow(clippy::unwrap_used, missing_docs)]
 
+mod support;
+
 use demosift::environment::{EnvVariant, Environment, Task};
-use demosift::rows::Rows;
 use demosift::seed::Seed;
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
 use rand::RngExt;
+use support::Episode;
 
 const HORIZON: usize = 60;
 const ACTIONS: usize = 8;
 
-struct Episode {
-    score: f64,
-    saved: bool,
-    rewards: Vec<f32>,
-    measurements: Rows,
-}
-
 fn play(task: &MujocoTask, shot: &str, seed: u64, mut act: impl FnMut(usize, &mut [f32])) -> Episode {
-    let specification = task.specification();
-    let variant = EnvVariant(specification.variants.iter().position(|name| name == shot).unwrap());
-    let mut environment = task.mujoco_environment().unwrap();
-    let mut observation = vec![0.0; specification.observation_size];
-    let mut now = vec![0.0; specification.measurements.len()];
-    environment.reset(variant, Seed::new(seed), &mut observation, &mut now);
-    let (mut all, mut rewards) = (now.clone(), Vec::new());
-    for step in 0..HORIZON {
-        let mut action = [0.0; ACTIONS];
-        act(step, &mut action);
-        let outcome = environment.step(&action, &mut observation, &mut now);
-        assert!(!outcome.terminated && outcome.task_reward.is_finite());
-        assert!(observation.iter().all(|value| value.is_finite()));
-        rewards.push(outcome.task_reward);
-        all.extend_from_slice(&now);
-    }
-    assert_eq!(environment.warnings(), 0, "MuJoCo warned in the episode of seed {seed}");
-    let measurements = Rows::from_flat(all, now.len()).unwrap();
-    let score = task.heuristic().score(&measurements);
-    Episode { score, saved: task.succeeded(&measurements).unwrap(), rewards, measurements }
+    let shot = task.specification().variants.iter().position(|name| name == shot).unwrap();
+    support::play(task, EnvVariant(shot), seed, |_, step, action| act(step, action))
 }
 
 /// The torques of hip and knee of the two legs on each side, for ten control steps from `start` on.
@@ -72,7 +49,7 @@ fn stand(task: &MujocoTask, shot: &str, seed: u64) -> Episode {
 /// Episodes of twenty seeds, and how many of them were saved.
 fn twenty(of: impl Fn(u64) -> Episode) -> (Vec<Episode>, usize) {
     let episodes: Vec<Episode> = (0..20).map(of).collect();
-    let saved = episodes.iter().filter(|episode| episode.saved).count();
+    let saved = episodes.iter().filter(|episode| episode.succeeded).count();
     (episodes, saved)
 }
 
@@ -133,7 +110,7 @@ fn success_is_that_the_ball_is_never_behind_the_line_between_the_posts() {
             for episode in [stand(&task, shot, seed), dive_to_the_left(&task, shot, seed)] {
                 let inside = |row: &[f32]| row[x] < -0.15 && row[y].abs() < 1.5 && row[z] < 1.4;
                 let goal = episode.measurements.iter().any(inside);
-                assert_eq!(episode.saved, !goal, "{shot}, seed {seed}");
+                assert_eq!(episode.succeeded, !goal, "{shot}, seed {seed}");
                 assert!(
                     episode.measurements.iter().all(|row| row[x] > -1.05),
                     "through the net: {shot}, {seed}"
@@ -149,7 +126,7 @@ fn a_save_is_worth_its_twenty_and_a_goal_nothing() {
     let total = |episode: &Episode| episode.rewards.iter().sum::<f32>();
     let (dives, _) = twenty(|seed| dive_to_the_left(&task, "low_left", seed));
     let (stands, _) = twenty(|seed| stand(&task, "low_left", seed));
-    let saved: Vec<&Episode> = dives.iter().filter(|episode| episode.saved).collect();
+    let saved: Vec<&Episode> = dives.iter().filter(|episode| episode.succeeded).collect();
     let worst = saved.iter().map(|episode| total(episode)).fold(f32::INFINITY, f32::min);
     let best = stands.iter().map(total).fold(f32::NEG_INFINITY, f32::max);
     assert!((worst - best - 20.0).abs() < 2.0, "{worst} against {best}");
