@@ -121,7 +121,7 @@ fn imitation_updates(task: &Timed, set: &DemonstrationSet) -> Vec<Span> {
         ..imitate
     };
     let (playground, seed) = (Playground::new(task), Seed::new(0));
-    let state = ImitationState::start((set, &set.ids()), &policy, &imitation.discriminator_hidden, &seed);
+    let state = ImitationState::start((set, &set.ids()), &policy, &imitation, &seed);
     let mut watch = Watch::new(task, &playground);
     imitate::imitate(set, &playground, &imitation, state, &seed, ("", &mut watch)).unwrap();
     watch.spans
