@@ -493,6 +493,42 @@ mod tests {
         assert!((whole.kl / half.kl - 4.0).abs() < 0.1, "{} and {}", whole.kl, half.kl);
     }
 
+    /// (F + λI) δ = η g, by which the derivative of the step goes on.
+    #[test]
+    fn the_size_of_a_step_is_how_far_it_went_along_the_natural_gradient() {
+        let sample = Sample::new(5, 400);
+        let region = TrustRegion { conjugate_gradient_iterations: 100, ..TrustRegion::default() };
+        let experiences = [sample.experience(1.0)];
+        let step = step(&experiences, &region, 0.5).expect("finite numbers");
+        let mut batch = Batch::new(&experiences[0]);
+        let gradient = batch.surrogate_gradient();
+        let product = batch.fisher_vector_product(&step.displacement);
+        assert!(step.size > 0.0);
+        let (mut error, mut scale) = (0.0, 0.0);
+        for ((product, by), slope) in product.iter().zip(&step.displacement).zip(gradient) {
+            let wanted = step.size * f64::from(slope);
+            error += (f64::from(product + region.damping as f32 * by) - wanted).powi(2);
+            scale += wanted.powi(2);
+        }
+        assert!(error.sqrt() < 1e-3 * scale.sqrt(), "{} of {}", error.sqrt(), scale.sqrt());
+    }
+
+    /// Second order after steps of size 0 is first order.
+    #[test]
+    fn policies_that_did_not_adapt_are_carried_along_as_they_are() {
+        let (one, other) = (Sample::new(9, 200), Sample::new(10, 200));
+        let experiences = [one.experience(0.5), other.experience(0.5)];
+        let region = TrustRegion::default();
+        let whole = step(&experiences, &region, 1.0).expect("finite numbers");
+        let branch = |adaptation| Branch { experiences: experiences.to_vec(), adaptation };
+        let still = Adaptation::new(&experiences, &region, 0.0);
+        let branched = step_through(vec![branch(Some(still))], &region, 1.0).expect("finite numbers");
+        for (branched, whole) in branched.displacement.iter().zip(&whole.displacement) {
+            assert!((branched - whole).abs() < 1e-4 * whole.abs().max(1e-3));
+        }
+        assert!((branched.kl - whole.kl).abs() < 1e-4 * whole.kl);
+    }
+
     #[test]
     fn without_advantages_there_is_no_gradient_and_no_step() {
         let mut sample = Sample::new(6, 50);
