@@ -68,7 +68,11 @@ fn main() {
                 print_row((update, name, goal), threads, spans);
             };
             report("imitation", SHARE_GOAL, pool.install(|| imitation_updates(&task, &set)));
-            report("meta-training", SHARE_GOAL, pool.install(|| meta_updates(&task, &set, rounds, (false, Order::First))));
+            report(
+                "meta-training",
+                SHARE_GOAL,
+                pool.install(|| meta_updates(&task, &set, rounds, (false, Order::First))),
+            );
             let exact = pool.install(|| meta_updates(&task, &set, rounds, (false, Order::Second)));
             report("the same, exact", SHARE_GOAL, exact);
             let informed = pool.install(|| meta_updates(&task, &set, rounds, (true, Order::First)));
