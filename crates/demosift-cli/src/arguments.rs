@@ -65,7 +65,7 @@ pub(crate) struct RunArguments {
     /// A TOML file of values that differ from the preset's and the task's
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
-    /// One value that differs, such as judge.iterations=3; may be repeated
+    /// One value that differs, such as judge.iterations=3 or inner.imitation=behavioral_cloning; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     pub(crate) set: Vec<String>,
     /// The run folder [default: runs/<task>]

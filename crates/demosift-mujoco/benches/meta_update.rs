@@ -1,5 +1,5 @@
-//! Which share of learning is physics: meta-updates without and with mutual information, and imitation updates (GAIL +
-//! TRPO) with the sizes of the preset `standard`, on environments that time themselves.
+//! Which share of learning is physics: meta-updates without and with mutual information and with the exact gradient, and
+//! imitation updates (GAIL + TRPO) with the sizes of the preset `standard`, on environments that time themselves.
 //!
 //! The demonstrations are episodes of policies that know nothing: what an update costs hardly depends on what was shown.
 //!
@@ -16,7 +16,7 @@ use demosift::environment::{EnvVariant, Environment, Specification, StepOutcome,
 use demosift::experiment::Config;
 use demosift::heuristic::Heuristic;
 use demosift::imitate::{self, Imitation, ImitationState};
-use demosift::meta_train::{self, MetaState, MetaTraining, MutualInformation};
+use demosift::meta_train::{self, MetaState, MetaTraining, MutualInformation, Order};
 use demosift::observation_filter::ObservationFilter;
 use demosift::observer::{Event, Observer};
 use demosift::policy::Policy;
@@ -52,7 +52,7 @@ fn main() {
     println!("with mutual information 0.6 and more");
     println!("of HalfCheetah the goal is {STEPS_PER_SEC_GOAL:.0} steps/s");
     println!(
-        "{:14} {:12} {:>7} {:>10} {:>10} {:>9} {:>16}",
+        "{:15} {:12} {:>7} {:>10} {:>10} {:>9} {:>16}",
         "update", "task", "threads", "wall ms", "steps/s", "physics", "learner us/step"
     );
     let wanted: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
@@ -68,8 +68,14 @@ fn main() {
                 print_row((update, name, goal), threads, spans);
             };
             report("imitation", SHARE_GOAL, pool.install(|| imitation_updates(&task, &set)));
-            report("meta-training", SHARE_GOAL, pool.install(|| meta_updates(&task, &set, rounds, false)));
-            let informed = pool.install(|| meta_updates(&task, &set, rounds, true));
+            report(
+                "meta-training",
+                SHARE_GOAL,
+                pool.install(|| meta_updates(&task, &set, rounds, (false, Order::First))),
+            );
+            let exact = pool.install(|| meta_updates(&task, &set, rounds, (false, Order::Second)));
+            report("the same, exact", SHARE_GOAL, exact);
+            let informed = pool.install(|| meta_updates(&task, &set, rounds, (true, Order::First)));
             report("the same, MI", SHARE_GOAL_WITH_INFORMATION, informed);
         }
     }
@@ -89,7 +95,7 @@ fn print_row((update, task, goal): (&str, &str, f64), threads: usize, mut spans:
     let Span { wall_secs, physics_secs, steps } = *median;
     let note = if share(median) < goal { "below the goal" } else { "" };
     println!(
-        "{update:14} {task:12} {threads:>7} {:>10.0} {:>10.0} {:>9.3} {:>16.2} {note}",
+        "{update:15} {task:12} {threads:>7} {:>10.0} {:>10.0} {:>9.3} {:>16.2} {note}",
         wall_secs * 1e3,
         steps as f64 / wall_secs,
         share(median),
@@ -97,10 +103,15 @@ fn print_row((update, task, goal): (&str, &str, f64), threads: usize, mut spans:
     );
 }
 
-fn meta_updates(task: &Timed, set: &DemonstrationSet, rounds: usize, informed: bool) -> Vec<Span> {
+fn meta_updates(
+    task: &Timed,
+    set: &DemonstrationSet,
+    rounds: usize,
+    (informed, order): (bool, Order),
+) -> Vec<Span> {
     let Config { policy, inner, meta_train, mutual_information, .. } = config_of(task);
     let information = MutualInformation { enabled: informed, ..mutual_information };
-    let training = MetaTraining { rounds, checkpoint_every: usize::MAX, ..meta_train };
+    let training = MetaTraining { rounds, order, checkpoint_every: usize::MAX, ..meta_train };
     let (playground, seed) = (Playground::new(task), Seed::new(0));
     let state = MetaState::start(set, &policy, &training.discriminator_hidden, &information, &seed);
     let mut watch = Watch::new(task, &playground);
@@ -121,7 +132,7 @@ fn imitation_updates(task: &Timed, set: &DemonstrationSet) -> Vec<Span> {
         ..imitate
     };
     let (playground, seed) = (Playground::new(task), Seed::new(0));
-    let state = ImitationState::start((set, &set.ids()), &policy, &imitation.discriminator_hidden, &seed);
+    let state = ImitationState::start((set, &set.ids()), &policy, &imitation, &seed);
     let mut watch = Watch::new(task, &playground);
     imitate::imitate(set, &playground, &imitation, state, &seed, ("", &mut watch)).unwrap();
     watch.spans

@@ -1,7 +1,8 @@
 //! Learning from one demonstration within a few updates, written once (Eq. 1; Algorithm 1 lines 7–9, Algorithm 2 lines 5–10).
 //!
-//! An update plays the policy, fits the discriminator to what it did and to what was demonstrated, and improves
+//! By GAIL, an update plays the policy, fits the discriminator to what it did and to what was demonstrated, and improves
 //! the policy on the discriminator's reward.
+//! By behavioral cloning, it moves the policy's mean actions toward the demonstrated ones, and plays nothing.
 //! Meta-training makes one such update per demonstration, judging makes a few, and imitation from scratch makes many.
 //!
 //! | Algorithm 2 | here |
@@ -12,12 +13,14 @@
 //! | 7: update D_i | [`gail::fit`] in [`update`] |
 //! | 8: compute R_IL | [`gail::imitation_rewards`] in [`update`], with the *updated* discriminator |
 //! | 9: θ_ij ← θ_ij − α∇L_IL with TRPO | [`trpo::step`] in [`update`] |
+//! | 7 to 9 by behavioral cloning (§4.1.1) | [`behavioral_cloning::clone`] in [`update`] |
 //!
-//! The discriminator keeps Adam's moments during an adaptation and starts each with none.
+//! Adam's moments, of the discriminator or of a cloned policy, are kept during an adaptation, which starts with none.
 
 use serde::{Deserialize, Serialize};
 
 use crate::advantage::{AdvantageEstimation, Rewarded, advantages};
+use crate::behavioral_cloning::{self, Cloned, Cloning};
 use crate::demonstration::DemonstrationSet;
 use crate::environment::EnvVariant;
 use crate::error::Result;
@@ -32,10 +35,22 @@ use crate::seed::Seed;
 use crate::trajectory::Trajectory;
 use crate::trpo::{self, Experience, Step, StepEnd, TrustRegion};
 
+/// The rule by which a demonstration is imitated (§4.1.1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Rule {
+    /// Generative adversarial imitation learning, with TRPO.
+    Gail,
+    /// Supervised learning of the demonstrated actions.
+    BehavioralCloning,
+}
+
 /// How one inner update is made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InnerUpdate {
+    /// By which rule. Behavioral cloning reads only `alphas` and `cloning` of what follows; GAIL reads all but `cloning`.
+    pub imitation: Rule,
     /// K, as environment steps: whole episodes are played before an update until they have this many; not in the paper.
     pub batch_steps: usize,
     /// α per iteration, the last one from there on (A.2.1: 1, then 0.5; Handstand and Martial Arts 2, then 0.5).
@@ -46,12 +61,26 @@ pub struct InnerUpdate {
     pub discriminator: Fitting,
     /// How rewards become advantages.
     pub advantage: AdvantageEstimation,
+    /// How behavioral cloning learns.
+    pub cloning: Cloning,
 }
 
 impl InnerUpdate {
-    /// K: episodes of `horizon` steps that are played before an update, at least 2.
+    /// K: episodes of `horizon` steps that are played before an update, at least 2; by behavioral cloning those that are
+    /// asked for.
     pub fn episodes(&self, horizon: usize) -> usize {
-        self.batch_steps.div_ceil(horizon).max(2)
+        match self.imitation {
+            Rule::Gail => self.batch_steps.div_ceil(horizon).max(2),
+            Rule::BehavioralCloning => self.cloning.curve_episodes,
+        }
+    }
+
+    /// Adam before the first update of a learner: for its discriminator, or for the policy that is cloned.
+    pub fn adam(&self, learner: &Learner) -> Adam {
+        Adam::new(match self.imitation {
+            Rule::Gail => learner.discriminator.parameters().len(),
+            Rule::BehavioralCloning => learner.policy.network_parameters().len(),
+        })
     }
 
     /// α of an iteration.
@@ -65,7 +94,7 @@ impl InnerUpdate {
 pub struct Learner {
     /// π_θ.
     pub policy: Policy,
-    /// D.
+    /// D; behavioral cloning leaves it undecided.
     pub discriminator: Discriminator,
 }
 
@@ -112,21 +141,30 @@ pub struct Played {
     pub scores: Vec<Score>,
 }
 
-/// What one update saw and did.
+/// What one update saw and did; what its rule does not know is not there.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct UpdateReport {
-    /// Mean heuristic of the episodes played before the update.
-    pub score: Score,
+    /// Mean heuristic of the episodes played before the update, if there were any.
+    pub score: Option<Score>,
     /// The discriminator's loss in nats; 2 ln 2 where it knows nothing.
-    pub discriminator_loss: f64,
+    pub discriminator_loss: Option<f64>,
     /// Share of pairs that the discriminator told right.
-    pub discriminator_accuracy: f64,
+    pub discriminator_accuracy: Option<f64>,
     /// Mean of R_IL over the agent's pairs.
-    pub reward_mean: f64,
+    pub reward_mean: Option<f64>,
     /// Standard deviation of R_IL over the agent's pairs: near 0, there is nothing to learn from.
-    pub reward_std: f64,
+    pub reward_std: Option<f64>,
     /// KL divergence that the step reached.
-    pub kl: f64,
+    pub kl: Option<f64>,
+    /// η: how far along the natural gradient the step went.
+    #[serde(default)]
+    pub natural_step: Option<f64>,
+    /// L_v of behavioral cloning before the update.
+    #[serde(default)]
+    pub cloning_loss: Option<f64>,
+    /// L_v of behavioral cloning after it.
+    #[serde(default)]
+    pub cloning_loss_after: Option<f64>,
     /// How the step ended.
     pub end: StepEnd,
 }
@@ -163,7 +201,7 @@ pub fn adapt(
     let Course { inner, iterations, averaged } = *course;
     let episodes = inner.episodes(playground.specification().horizon);
     let mut last = Vec::with_capacity(averaged);
-    let mut adam = Adam::new(learner.discriminator.parameters().len());
+    let mut adam = inner.adam(learner);
     let mut adapted = Adapted { learner: learner.clone(), curve: Vec::with_capacity(iterations) };
     for iteration in 0..iterations {
         let seeds = seed.of("play").at(iteration).many(episodes);
@@ -202,7 +240,7 @@ fn averaged_policy(policy: &Policy, iterates: &[Vec<f32>]) -> Policy {
     policy.moved(&displacement)
 }
 
-/// One inner update (Eq. 1): θ, D → θ' = θ − α∇L_IL, D'.
+/// One inner update (Eq. 1): θ, D → θ' = θ − α∇L_IL, D'; by behavioral cloning D' is D.
 pub fn update(
     learner: &Learner,
     played: &Played,
@@ -211,6 +249,12 @@ pub fn update(
     adam: &mut Adam,
     seed: Seed,
 ) -> Result<(Learner, UpdateReport)> {
+    if inner.imitation == Rule::BehavioralCloning {
+        let how = (&inner.cloning, alpha);
+        let (policy, cloned) = behavioral_cloning::clone(&learner.policy, demonstrated, how, adam, seed)?;
+        let learner = Learner { policy, discriminator: learner.discriminator.clone() };
+        return Ok((learner, UpdateReport::of_cloning(played, cloned)));
+    }
     let (discriminator, fit) =
         gail::fit(&learner.discriminator, &[&played.pairs], demonstrated, &inner.discriminator, adam, seed)?;
     let rewards = gail::imitation_rewards(&discriminator, &played.pairs);
@@ -218,7 +262,7 @@ pub fn update(
     let step =
         trpo::step(&played.experiences(&learner.policy, &advantages, 1.0), &inner.trust_region, alpha)?;
     let policy = learner.policy.moved(&step.displacement);
-    let report = UpdateReport::new(played, fit, &rewards, &step);
+    let report = UpdateReport::of_gail(played, fit, &rewards, &step);
     Ok((Learner { policy, discriminator }, report))
 }
 
@@ -243,6 +287,11 @@ impl Played {
             actions,
             lengths,
         }
+    }
+
+    /// Mean heuristic, if anything was played.
+    pub fn mean_score(&self) -> Option<Score> {
+        (!self.scores.is_empty()).then(|| mean_and_std(self.scores.iter().copied()).0)
     }
 
     /// Standardized advantages of rewards `[N]`, `[N]`.
@@ -275,17 +324,53 @@ impl Played {
 }
 
 impl UpdateReport {
-    fn new(played: &Played, fit: gail::FitReport, rewards: &[f32], step: &Step) -> Self {
+    fn of_gail(played: &Played, fit: gail::FitReport, rewards: &[f32], step: &Step) -> Self {
         let (reward_mean, reward_std) = mean_and_std(rewards.iter().map(|reward| f64::from(*reward)));
         Self {
-            score: mean_and_std(played.scores.iter().copied()).0,
-            discriminator_loss: fit.loss,
-            discriminator_accuracy: fit.accuracy,
-            reward_mean,
-            reward_std,
-            kl: step.kl,
+            score: played.mean_score(),
+            discriminator_loss: Some(fit.loss),
+            discriminator_accuracy: Some(fit.accuracy),
+            reward_mean: Some(reward_mean),
+            reward_std: Some(reward_std),
+            kl: Some(step.kl),
+            natural_step: Some(step.size),
+            cloning_loss: None,
+            cloning_loss_after: None,
             end: step.end,
         }
+    }
+
+    fn of_cloning(played: &Played, cloned: Cloned) -> Self {
+        Self {
+            score: played.mean_score(),
+            discriminator_loss: None,
+            discriminator_accuracy: None,
+            reward_mean: None,
+            reward_std: None,
+            kl: None,
+            natural_step: None,
+            cloning_loss: Some(cloned.loss_before),
+            cloning_loss_after: Some(cloned.loss_after),
+            end: match cloned.loss_before > 0.0 {
+                true => StepEnd::Moved,
+                false => StepEnd::NoGradient,
+            },
+        }
+    }
+
+    /// What there is to tell, by name.
+    pub fn numbers(&self) -> Vec<(&'static str, f64)> {
+        let numbers = [
+            ("score", self.score),
+            ("discriminator_loss", self.discriminator_loss),
+            ("discriminator_accuracy", self.discriminator_accuracy),
+            ("reward_mean", self.reward_mean),
+            ("reward_std", self.reward_std),
+            ("kl", self.kl),
+            ("cloning_loss", self.cloning_loss),
+            ("cloning_loss_after", self.cloning_loss_after),
+        ];
+        numbers.into_iter().filter_map(|(name, number)| Some((name, number?))).collect()
     }
 }
 
@@ -372,7 +457,7 @@ mod tests {
             )
             .expect("finite numbers");
             assert_eq!(adapted.curve.len(), 6);
-            adapted.curve.last().expect("six reports").score
+            adapted.curve.last().expect("six reports").score.expect("GAIL plays")
         });
         assert!(scores[0] > scores[1] + 0.5, "{scores:?}");
     }
@@ -397,8 +482,9 @@ mod tests {
             let logits = discriminator.logits_generated(&played.pairs);
             logits.iter().map(|logit| (-f64::from(*logit)).exp().ln_1p()).sum::<f64>() / logits.len() as f64
         };
-        assert!((report.reward_mean - mean(&updated.discriminator)).abs() < 1e-4);
-        assert!((report.reward_mean - mean(&learner.discriminator)).abs() > 1e-2);
+        let reward_mean = report.reward_mean.expect("GAIL pays");
+        assert!((reward_mean - mean(&updated.discriminator)).abs() < 1e-4);
+        assert!((reward_mean - mean(&learner.discriminator)).abs() > 1e-2);
         assert_eq!(updated.policy.filter(), learner.policy.filter());
     }
 

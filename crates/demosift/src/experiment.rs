@@ -5,9 +5,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::adapt::{InnerUpdate, MetaPrior};
+use crate::adapt::{InnerUpdate, MetaPrior, Rule};
 use crate::advantage::AdvantageEstimation;
 use crate::artifact::{self, Artifact};
+use crate::behavioral_cloning::Descent;
 use crate::data_only::{self, DataOnly};
 use crate::demonstration::{DemoId, DemonstrationSet};
 use crate::demonstrator::DemonstratorTraining;
@@ -16,7 +17,7 @@ use crate::error::{Error, Result};
 use crate::imitate::{self, Imitation, ImitationState, LearningCurve};
 use crate::judge::{self, Judging, ScoreTable};
 use crate::ledger::Ledger;
-use crate::meta_train::{self, MetaState, MetaTraining, MutualInformation};
+use crate::meta_train::{self, MetaState, MetaTraining, MutualInformation, Order};
 use crate::metrics::{self, Gain};
 use crate::observer::{Event, Observer, Snapshot};
 use crate::policy::PolicyShape;
@@ -119,11 +120,25 @@ pub fn check(set: &DemonstrationSet, task: &Specification, config: &Config) -> R
         }
     }
     check_numbers(config)?;
+    check_order(config)?;
     match config.keep {
         Keep::Count(count) if !(1..=set.len()).contains(&count) => Err(Error::bad_config(format!(
             "keep = {count}, and must be from 1 to the {} demonstrations there are, auto, or quarter",
             set.len()
         ))),
+        _ => Ok(()),
+    }
+}
+
+/// Whether there is an exact meta-gradient of the inner update, if one is asked for.
+fn check_order(config: &Config) -> Result<()> {
+    let InnerUpdate { imitation, cloning, .. } = &config.inner;
+    let is_through_adam = *imitation == Rule::BehavioralCloning && cloning.descent == Descent::Adam;
+    match config.meta_train.order {
+        Order::Second if is_through_adam => Err(Error::bad_config(
+            "meta_train.order = second with inner.cloning.descent = adam: Adam is not differentiated through, \
+             and inner.cloning.descent must be gradient, or meta_train.order first",
+        )),
         _ => Ok(()),
     }
 }
@@ -141,6 +156,7 @@ fn check_numbers(config: &Config) -> Result<()> {
         meta_train.discriminator_learning_rate,
         Wanted::Positive,
     );
+    numbers.number("meta_train.policy_learning_rate", meta_train.policy_learning_rate, Wanted::Positive);
     numbers.widths("meta_train.discriminator_hidden", &meta_train.discriminator_hidden);
     numbers.information("mutual_information", mutual_information);
     numbers.count("judge.iterations", judge.iterations);
@@ -209,7 +225,7 @@ impl Numbers {
     }
 
     fn update(&mut self, name: &str, update: &InnerUpdate) {
-        let InnerUpdate { batch_steps, alphas, trust_region, discriminator, advantage } = update;
+        let InnerUpdate { batch_steps, alphas, trust_region, discriminator, advantage, cloning, .. } = update;
         self.count(&format!("{name}.batch_steps"), *batch_steps);
         self.count(&format!("the number of {name}.alphas"), alphas.len());
         for alpha in alphas {
@@ -222,6 +238,10 @@ impl Numbers {
         self.number(&format!("{name}.discriminator.learning_rate"), rate, Wanted::Positive);
         self.number(&format!("{name}.discriminator.entropy"), discriminator.entropy, Wanted::NotNegative);
         self.advantage(&format!("{name}.advantage"), advantage);
+        self.count(&format!("{name}.cloning.steps"), cloning.steps);
+        self.count(&format!("{name}.cloning.batch"), cloning.batch);
+        let rate = cloning.learning_rate;
+        self.number(&format!("{name}.cloning.learning_rate"), rate, Wanted::Positive);
     }
 
     fn information(&mut self, name: &str, information: &MutualInformation) {
@@ -362,10 +382,7 @@ fn learning_curve_with(
         return Ok(curve);
     }
     let imitation = &config.imitate;
-    let start = || {
-        let hidden = &imitation.discriminator_hidden;
-        Ok(ImitationState::start((set, demos), &config.policy, hidden, &seed.of("start")))
-    };
+    let start = || Ok(ImitationState::start((set, demos), &config.policy, imitation, &seed.of("start")));
     let (mut state, mut keeping) = Keeping::begin(*ledger, *observer, imitate::STAGE, part, start)?;
     if state.demos() != demos {
         state = start()?;
@@ -454,6 +471,12 @@ mod tests {
             zero("inner.discriminator.batch")
         );
         assert_eq!(complaint(|config| config.judge.repeats = 0), zero("judge.repeats"));
+        assert_eq!(complaint(|config| config.inner.cloning.batch = 0), zero("inner.cloning.batch"));
+        let exact_through_adam = complaint(|config| {
+            (config.inner.imitation, config.inner.cloning.descent) = (Rule::BehavioralCloning, Descent::Adam);
+            config.meta_train.order = Order::Second;
+        });
+        assert!(exact_through_adam.ends_with("must be gradient, or meta_train.order first"));
         assert_eq!(complaint(|config| config.policy.hidden[1] = 0), zero("one of policy.hidden"));
         assert_eq!(
             complaint(|config| config.imitate.update.alphas.clear()),

@@ -1,11 +1,12 @@
-//! Imitation from scratch on a subset (§5.2): GAIL with TRPO, the learning curve of the heuristic, the best policy kept.
+//! Imitation from scratch on a subset (§5.2): GAIL with TRPO or behavioral cloning (C.4), the learning curve of the
+//! heuristic, the best policy kept.
 //!
 //! This is how a selection proves itself, and on one demonstration alone with the full budget it is the oracle that
 //! rankings are compared with.
 
 use serde::{Deserialize, Serialize};
 
-use crate::adapt::{self, InnerUpdate, Learner, Played};
+use crate::adapt::{self, InnerUpdate, Learner, Played, Rule};
 use crate::demonstration::{DemoId, DemonstrationSet};
 use crate::environment::EnvVariant;
 use crate::error::{Error, Result};
@@ -23,8 +24,11 @@ use crate::trajectory::Trajectory;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Imitation {
-    /// Environment steps to learn from; evaluation comes on top. Equal for whatever is compared.
+    /// Environment steps that GAIL learns from; evaluation comes on top. Equal for whatever is compared.
     pub environment_steps: usize,
+    /// Updates of behavioral cloning, which learns from no environment step; each has as many steps of Adam, whatever is
+    /// imitated.
+    pub cloning_updates: usize,
     /// The update, with what is played before each.
     pub update: InnerUpdate,
     /// Widths of the discriminator's hidden layers (Table 3: 100, 100).
@@ -55,6 +59,9 @@ pub struct LearningCurve {
 /// One evaluation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CurvePoint {
+    /// Updates made so far.
+    #[serde(default)]
+    pub updates: usize,
     /// Environment steps learned from so far.
     pub environment_steps: usize,
     /// Mean heuristic.
@@ -85,15 +92,15 @@ impl ImitationState {
     pub fn start(
         (set, demos): (&DemonstrationSet, &[DemoId]),
         shape: &PolicyShape,
-        hidden: &[usize],
+        imitation: &Imitation,
         seed: &Seed,
     ) -> Self {
-        let learner = Learner::untrained(set, shape, hidden, seed);
+        let learner = Learner::untrained(set, shape, &imitation.discriminator_hidden, seed);
         Self {
             demos: demos.to_vec(),
             updates: 0,
             environment_steps: 0,
-            adam: Adam::new(learner.discriminator.parameters().len()),
+            adam: imitation.update.adam(&learner),
             points: Vec::new(),
             best: learner.policy.clone(),
             learner,
@@ -103,6 +110,15 @@ impl ImitationState {
     /// What is imitated.
     pub fn demos(&self) -> &[DemoId] {
         &self.demos
+    }
+
+    /// How much is done of how much there is to do: environment steps, or updates of behavioral cloning.
+    fn progress(&self, imitation: &Imitation) -> (usize, usize) {
+        let (done, total) = match imitation.update.imitation {
+            Rule::Gail => (self.environment_steps, imitation.environment_steps),
+            Rule::BehavioralCloning => (self.updates, imitation.cloning_updates),
+        };
+        (done.min(total), total)
     }
 }
 
@@ -123,15 +139,15 @@ pub fn imitate(
     let pairs: Vec<Rows> =
         demos.iter().map(|demo| gail::demonstrated_pairs(set.get(*demo), &filter)).collect();
     let demonstrated: Vec<&Rows> = pairs.iter().collect();
-    let total = imitation.environment_steps;
-    observer.on(Event::Started { stage: STAGE, done: state.environment_steps.min(total), total });
-    while state.environment_steps < total {
+    let (done, total) = state.progress(imitation);
+    observer.on(Event::Started { stage: STAGE, done, total });
+    while state.progress(imitation).0 < total {
         if state.updates.is_multiple_of(imitation.evaluate_every.max(1)) {
             evaluate(&mut state, playground, imitation, (seed, part, observer))?;
         }
         improve(&mut state, &demonstrated, playground, imitation, (seed, part, observer))
             .map_err(|error| error.during(&format!("imitation, update {}", state.updates)))?;
-        observer.on(Event::Advanced { stage: STAGE, done: state.environment_steps.min(total) });
+        observer.on(Event::Advanced { stage: STAGE, done: state.progress(imitation).0 });
         if state.updates.is_multiple_of(imitation.checkpoint_every.max(1)) {
             observer.on(Event::Checkpoint { stage: STAGE, part, state: &state });
         }
@@ -168,20 +184,10 @@ fn improve(
     state.learner = learner;
     state.updates += 1;
     state.environment_steps += trajectories.iter().map(Trajectory::steps).sum::<usize>();
-    observer.on(Event::Measured {
-        stage: "imitate_update",
-        part,
-        iteration: state.updates,
-        numbers: &[
-            ("environment_steps", state.environment_steps as f64),
-            ("score", report.score),
-            ("discriminator_loss", report.discriminator_loss),
-            ("discriminator_accuracy", report.discriminator_accuracy),
-            ("reward_mean", report.reward_mean),
-            ("reward_std", report.reward_std),
-            ("kl", report.kl),
-        ],
-    });
+    let mut numbers = vec![("environment_steps", state.environment_steps as f64)];
+    numbers.extend(report.numbers());
+    let iteration = state.updates;
+    observer.on(Event::Measured { stage: "imitate_update", part, iteration, numbers: &numbers });
     Ok(())
 }
 
@@ -229,6 +235,7 @@ fn point(
     let score = scores.iter().sum::<f64>() / count;
     let squared_deviation = scores.iter().map(|other| (other - score).powi(2)).sum::<f64>();
     Ok(CurvePoint {
+        updates: state.updates,
         environment_steps: state.environment_steps,
         score,
         standard_error: (squared_deviation / (count - 1.0).max(1.0) / count).sqrt(),

@@ -170,19 +170,8 @@ fn report(suitability: &Suitability, observer: &mut dyn Observer) {
         let part =
             format!("variant {} demonstration {} repeat {repeat}", suitability.variant.0, suitability.demo);
         for (iteration, update) in curve.iter().enumerate() {
-            observer.on(Event::Measured {
-                stage: STAGE,
-                part: &part,
-                iteration,
-                numbers: &[
-                    ("score", update.score),
-                    ("discriminator_loss", update.discriminator_loss),
-                    ("discriminator_accuracy", update.discriminator_accuracy),
-                    ("reward_mean", update.reward_mean),
-                    ("reward_std", update.reward_std),
-                    ("kl", update.kl),
-                ],
-            });
+            let numbers = &update.numbers();
+            observer.on(Event::Measured { stage: STAGE, part: &part, iteration, numbers });
         }
     }
 }

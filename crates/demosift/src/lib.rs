@@ -45,6 +45,7 @@
 pub mod adapt;
 pub mod advantage;
 pub mod artifact;
+pub mod behavioral_cloning;
 pub mod data_only;
 pub mod demonstration;
 pub mod demonstrator;

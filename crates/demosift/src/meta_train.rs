@@ -14,20 +14,26 @@
 //! | 8, 9: θ'_i, D'_meta,i | [`adapt::update`] in [`imitate`] |
 //! | 10 to 14: Q, θ''_i | [`regularize`], line by line in its file; without it θ''_i is θ'_i |
 //! | 15: sample K trajectories using f_θ''_i | [`play_adapted`] |
-//! | 18: meta-update θ as (2) | [`meta_update_policy`] |
+//! | 18: meta-update θ as (2) | [`meta_update_policy`]; [`cloning::meta_update`] by behavioral cloning |
 //! | 19: meta-update D_meta as (3) | [`meta_update_discriminator`] |
 //!
 //! Where we differ: the box updates D before it needs it (line 8 uses what line 9 makes), so line 9 comes first;
-//! the meta-gradients are of first order, which Eq. 3 is as written.
+//! the meta-gradients are of first order by default, which Eq. 3 is as written.
+//! With [`Order::Second`] that of θ is exact: through the plain steps of behavioral cloning, and through GAIL's
+//! natural-gradient step with the Fisher matrix and the step's size held fixed (see [`crate::trpo::Adaptation`]).
+//! What line 14 adds is held fixed too.
+//! Under behavioral cloning lines 8 and 18 are supervised learning, line 19 has no discriminator to move, and nothing is
+//! played but for the curve and for mutual information, whose line 14 is a policy gradient as for GAIL (§4.2).
 //! The batch of line 2 is drawn anew in each round, and line 5 draws one variant for each demonstration: with few
 //! trajectories, more rounds say more than more variants in each.
 
+mod cloning;
 mod regularize;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::adapt::{self, InnerUpdate, Learner, MetaPrior, Played, UpdateReport};
+use crate::adapt::{self, InnerUpdate, Learner, MetaPrior, Played, Rule, UpdateReport};
 use crate::demonstration::{DemoId, DemonstrationSet};
 use crate::environment::EnvVariant;
 use crate::error::{Error, Result};
@@ -39,7 +45,7 @@ use crate::policy::{Policy, PolicyShape};
 use crate::rollout::{self, Acting, Playground};
 use crate::rows::Rows;
 use crate::seed::Seed;
-use crate::trpo::{self, Step, TrustRegion};
+use crate::trpo::{self, Adaptation, Branch, Step, TrustRegion};
 
 pub use regularize::{MutualInformation, PosteriorState};
 use regularize::{Regularizer, regularize};
@@ -54,12 +60,26 @@ pub struct MetaTraining {
     pub meta_batch: usize,
     /// Trust region of the meta-update of θ; the bound is on the KL divergence after adaptation; not in the paper.
     pub trust_region: TrustRegion,
+    /// Whether the meta-gradient of θ goes through the inner update (Eq. 2) or stops at θ'_i (as Eq. 3 does for D_meta).
+    pub order: Order,
+    /// β of θ under behavioral cloning, Adam's step size; not in the paper. GAIL's θ has the trust region instead.
+    pub policy_learning_rate: f64,
     /// β of D_meta, Adam's step size; not in the paper.
     pub discriminator_learning_rate: f64,
     /// Widths of the discriminator's hidden layers (Table 3: 100, 100).
     pub discriminator_hidden: Vec<usize>,
     /// Rounds between two checkpoints.
     pub checkpoint_every: usize,
+}
+
+/// Which derivative Eq. 2 takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Order {
+    /// ∇L at θ'_i, as if θ'_i moved as θ does.
+    First,
+    /// ∇_θ L(f_θ'_i), through the inner update.
+    Second,
 }
 
 /// Where meta-training stands after some rounds; from here it goes on to the identical result.
@@ -69,6 +89,8 @@ pub struct MetaState {
     pub rounds: usize,
     /// θ and D_meta.
     pub prior: MetaPrior,
+    /// Moments of θ's Adam, which behavioral cloning uses.
+    pub policy_adam: Adam,
     /// Moments of D_meta's Adam.
     pub discriminator_adam: Adam,
     /// Environment steps taken in these rounds, those of lines 10 and 12 among them.
@@ -104,14 +126,10 @@ pub fn meta_train(
             encodings: &encodings,
         });
         let played = round.play(&demonstrated, regularizer).map_err(during)?;
-        let step =
-            meta_update_policy(&mut state.prior.policy, &played.outcomes, inner, &training.trust_region)
-                .map_err(during)?;
-        meta_update_discriminator(&mut state, &demonstrated, &played.outcomes, training, inner)
-            .map_err(during)?;
+        let updated = meta_update(&mut state, &demonstrated, &played, (training, inner)).map_err(during)?;
         state.rounds += 1;
         state.environment_steps += played.environment_steps as u64;
-        report(&state, &played, &step, observer);
+        report(&state, &played, updated, observer);
         if state.rounds.is_multiple_of(training.checkpoint_every.max(1)) {
             observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &state });
         }
@@ -129,11 +147,12 @@ impl MetaState {
         seed: &Seed,
     ) -> Self {
         let prior = Learner::untrained(set, shape, discriminator_hidden, seed);
+        let policy_adam = Adam::new(prior.policy.network_parameters().len());
         let discriminator_adam = Adam::new(prior.discriminator.parameters().len());
         let posterior = information
             .enabled
             .then(|| PosteriorState::start(set, &information.posterior, seed.of("posterior")));
-        Self { rounds: 0, prior, discriminator_adam, environment_steps: 0, posterior }
+        Self { rounds: 0, prior, policy_adam, discriminator_adam, environment_steps: 0, posterior }
     }
 }
 
@@ -148,9 +167,10 @@ struct Outcome {
 
 /// What came of a round.
 struct PlayedRound {
+    before: Vec<Before>,
     outcomes: Vec<Outcome>,
     information: Option<regularize::Report>,
-    behavior_spread: f64,
+    behavior_spread: Option<f64>,
     environment_steps: usize,
 }
 
@@ -196,7 +216,11 @@ struct Imitator {
 impl Round<'_> {
     /// Lines 4 to 17.
     fn play(&self, demonstrated: &[Rows], regularizer: Option<Regularizer<'_>>) -> Result<PlayedRound> {
-        let before = play_before(self, "before", self.inner.episodes(self.horizon()))?;
+        let told = match (self.inner.imitation, &regularizer) {
+            (Rule::BehavioralCloning, Some(regularizer)) => regularizer.how.episodes(self.horizon()),
+            _ => 0,
+        };
+        let before = play_before(self, "before", self.inner.episodes(self.horizon()).max(told))?;
         let mut imitators = imitate(self, &before, demonstrated)?;
         let information = regularizer
             .map(|regularizer| regularize(self, &before, &mut imitators, regularizer))
@@ -206,7 +230,7 @@ impl Round<'_> {
         let environment_steps = played.map(|played| played.observations.len()).sum::<usize>()
             + information.as_ref().map_or(0, |report| report.environment_steps);
         let behavior_spread = behavior_spread(self, &outcomes);
-        Ok(PlayedRound { outcomes, information, behavior_spread, environment_steps })
+        Ok(PlayedRound { before, outcomes, information, behavior_spread, environment_steps })
     }
 
     fn horizon(&self) -> usize {
@@ -237,8 +261,8 @@ fn play_before(round: &Round<'_>, name: &str, episodes: usize) -> Result<Vec<Bef
 fn imitate(round: &Round<'_>, before: &[Before], demonstrated: &[Rows]) -> Result<Vec<Imitator>> {
     let Round { prior, tasks, inner, seed, .. } = *round;
     let imitate = |(demo, variant): &(DemoId, EnvVariant)| {
-        let (_, before) = before.iter().find(|(played, _)| played == variant).expect("played before");
-        let mut adam = Adam::new(prior.discriminator.parameters().len());
+        let before = before_under(before, *variant);
+        let mut adam = inner.adam(prior);
         let seed = seed.of("after").at(variant.0).of("fit");
         let demonstrated = &[&demonstrated[demo.0]];
         let (adapted, update) =
@@ -263,9 +287,12 @@ fn play_adapted(round: &Round<'_>, imitators: Vec<Imitator>) -> Result<Vec<Outco
 /// How far the adapted behaviors lie apart: the root mean square, over times and filtered observations, of what the mean
 /// trajectory after imitating one demonstration differs from the mean over all demonstrations of the same variant.
 ///
-/// Played with the same random numbers, policies that are the same have spread 0.
-fn behavior_spread(round: &Round<'_>, outcomes: &[Outcome]) -> f64 {
+/// Played with the same random numbers, policies that are the same have spread 0; where nothing was played there is none.
+fn behavior_spread(round: &Round<'_>, outcomes: &[Outcome]) -> Option<f64> {
     const READINGS: usize = 50;
+    if outcomes.iter().any(|one| one.after.lengths.is_empty()) {
+        return None;
+    }
     let means: Vec<(EnvVariant, Vec<f64>)> =
         outcomes.iter().map(|one| (one.variant, round.read(&one.after, READINGS).mean())).collect();
     let (mut squares, mut count) = (0.0, 0);
@@ -278,15 +305,35 @@ fn behavior_spread(round: &Round<'_>, outcomes: &[Outcome]) -> f64 {
         }
         count += mean.len();
     }
-    (squares / count.max(1) as f64).sqrt()
+    Some((squares / count.max(1) as f64).sqrt())
 }
 
-/// Line 18, Eq. 2, first order: θ moves as all adapted θ'_i would move together to imitate better.
+/// Lines 18 and 19; gives numbers to report.
+fn meta_update(
+    state: &mut MetaState,
+    demonstrated: &[Rows],
+    played: &PlayedRound,
+    (training, inner): (&MetaTraining, &InnerUpdate),
+) -> Result<Vec<(&'static str, f64)>> {
+    match inner.imitation {
+        Rule::Gail => {
+            let step = meta_update_policy(&mut state.prior.policy, played, training, inner)?;
+            meta_update_discriminator(state, demonstrated, &played.outcomes, training, inner)?;
+            Ok(vec![("meta_kl", step.kl), ("meta_improvement", step.improvement)])
+        }
+        Rule::BehavioralCloning => {
+            cloning::meta_update(state, demonstrated, &played.outcomes, (training, inner))
+        }
+    }
+}
+
+/// Line 18, Eq. 2: θ moves so that all adapted θ'_i imitate better; to first order they move together with it, to second
+/// each as its adaptation carries it along.
 fn meta_update_policy(
     policy: &mut Policy,
-    outcomes: &[Outcome],
+    PlayedRound { before, outcomes, .. }: &PlayedRound,
+    training: &MetaTraining,
     inner: &InnerUpdate,
-    region: &TrustRegion,
 ) -> Result<Step> {
     let advantages: Vec<Vec<f32>> = outcomes
         .par_iter()
@@ -296,16 +343,50 @@ fn meta_update_policy(
         })
         .collect::<Result<_>>()?;
     let weight = 1.0 / outcomes.len() as f64;
-    let experiences: Vec<_> = outcomes
+    let experiences = outcomes
         .iter()
         .zip(&advantages)
-        .flat_map(|(outcome, advantages)| {
-            outcome.after.experiences(&outcome.adapted.policy, advantages, weight)
-        })
-        .collect();
-    let step = trpo::step(&experiences, region, 1.0)?;
+        .map(|(outcome, advantages)| outcome.after.experiences(&outcome.adapted.policy, advantages, weight));
+    let region = &training.trust_region;
+    let step = match training.order {
+        Order::First => trpo::step(&experiences.flatten().collect::<Vec<_>>(), region, 1.0)?,
+        Order::Second => {
+            let advantages_before = advantages_before(before, outcomes, inner)?;
+            let acted = outcomes.iter().zip(&advantages_before);
+            let branches = experiences.zip(acted).map(|(experiences, (outcome, advantages))| {
+                let adaptation = adaptation(policy, before, (outcome, advantages), inner);
+                Branch { experiences, adaptation: Some(adaptation) }
+            });
+            trpo::step_through(branches.collect(), region, 1.0)?
+        }
+    };
     *policy = policy.moved(&step.displacement);
     Ok(step)
+}
+
+/// The advantages by which line 8 adapted θ to each demonstration, from the discriminator of line 9.
+fn advantages_before(before: &[Before], outcomes: &[Outcome], inner: &InnerUpdate) -> Result<Vec<Vec<f32>>> {
+    let advantages = |Outcome { adapted, variant, .. }: &Outcome| {
+        let before = before_under(before, *variant);
+        before.advantages(&gail::imitation_rewards(&adapted.discriminator, &before.pairs), &inner.advantage)
+    };
+    outcomes.par_iter().map(advantages).collect()
+}
+
+/// How a θ'_i moves with θ: the step of line 8, on the trajectories of line 7.
+fn adaptation<'a>(
+    policy: &'a Policy,
+    before: &'a [Before],
+    (outcome, advantages): (&Outcome, &'a [f32]),
+    inner: &InnerUpdate,
+) -> Adaptation<'a, f32> {
+    let experiences = before_under(before, outcome.variant).experiences(policy, advantages, 1.0);
+    Adaptation::new(&experiences, &inner.trust_region, outcome.update.natural_step.unwrap_or(0.0))
+}
+
+fn before_under(before: &[Before], variant: EnvVariant) -> &Played {
+    let found = before.iter().find(|(played, _)| *played == variant);
+    &found.expect("played for every variant of the round").1
 }
 
 /// Line 19, Eq. 3: D_meta ← D_meta − β Σ_i (Ê_τi[∇ −log D'_i] + Ê_vi[∇ −log(1 − D'_i)]).
@@ -339,25 +420,31 @@ fn meta_update_discriminator(
     Ok(())
 }
 
-fn report(state: &MetaState, played: &PlayedRound, step: &Step, observer: &mut dyn Observer) {
+fn report(
+    state: &MetaState,
+    played: &PlayedRound,
+    updated: Vec<(&'static str, f64)>,
+    observer: &mut dyn Observer,
+) {
     let PlayedRound { outcomes, information, behavior_spread, .. } = played;
-    let mean =
-        |value: &dyn Fn(&Outcome) -> f64| outcomes.iter().map(value).sum::<f64>() / outcomes.len() as f64;
-    let after =
-        |outcome: &Outcome| outcome.after.scores.iter().sum::<f64>() / outcome.after.scores.len() as f64;
-    let mut numbers = vec![
-        ("score_before", mean(&|outcome| outcome.update.score)),
-        ("score_after", mean(&after)),
-        ("discriminator_loss", mean(&|outcome| outcome.update.discriminator_loss)),
-        ("discriminator_accuracy", mean(&|outcome| outcome.update.discriminator_accuracy)),
-        ("reward_mean", mean(&|outcome| outcome.update.reward_mean)),
-        ("reward_std", mean(&|outcome| outcome.update.reward_std)),
-        ("inner_kl", mean(&|outcome| outcome.update.kl)),
-        ("meta_kl", step.kl),
-        ("meta_improvement", step.improvement),
-        ("environment_steps", state.environment_steps as f64),
-        ("behavior_spread", *behavior_spread),
-    ];
+    let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len() as f64;
+    let mut numbers = Vec::new();
+    let after: Vec<f64> = outcomes.iter().filter_map(|outcome| outcome.after.mean_score()).collect();
+    let reports: Vec<_> = outcomes.iter().map(|outcome| outcome.update.numbers()).collect();
+    for (place, (name, _)) in reports[0].iter().enumerate() {
+        let name = match *name {
+            "score" => "score_before",
+            "kl" => "inner_kl",
+            name => name,
+        };
+        numbers.push((name, mean(reports.iter().map(|report| report[place].1).collect())));
+    }
+    if !after.is_empty() {
+        numbers.push(("score_after", mean(after)));
+    }
+    numbers.extend(updated);
+    numbers.push(("environment_steps", state.environment_steps as f64));
+    numbers.extend(behavior_spread.map(|spread| ("behavior_spread", spread)));
     if let Some(information) = information {
         numbers.extend([
             ("log_q", information.log_q),
@@ -390,7 +477,7 @@ mod tests {
     }
 
     /// A prior after a round, and the outcomes of the next.
-    fn outcomes(set: &DemonstrationSet) -> (MetaState, Vec<Rows>, Vec<Outcome>) {
+    fn played(set: &DemonstrationSet) -> (MetaState, Vec<Rows>, PlayedRound) {
         let task = PointMass::new();
         let playground = Playground::new(&task);
         let (_, inner) = learning();
@@ -403,7 +490,7 @@ mod tests {
         let round =
             Round { prior: &state.prior, tasks: &tasks, playground: &playground, inner: &inner, seed: &seed };
         let played = round.play(&demonstrated, None).expect("finite numbers");
-        (state, demonstrated, played.outcomes)
+        (state, demonstrated, played)
     }
 
     /// With a damping that dwarfs the Fisher matrix the step goes along the meta-gradient, which first order takes to be the
@@ -411,11 +498,13 @@ mod tests {
     #[test]
     fn eq_2_the_meta_step_follows_the_mean_gradient_at_the_adapted_parameters() {
         let set = planted_set(&BEARINGS, Seed::new(1)).expect("a valid set");
-        let (state, _, outcomes) = outcomes(&set);
-        let (_, inner) = learning();
+        let (state, _, played) = played(&set);
+        let (training, inner) = learning();
         let region = TrustRegion { max_kl: 1e-6, damping: 1e6, ..TrustRegion::default() };
+        let training = MetaTraining { trust_region: region, ..training };
         let mut policy = state.prior.policy.clone();
-        let step = meta_update_policy(&mut policy, &outcomes, &inner, &region).expect("finite numbers");
+        let step = meta_update_policy(&mut policy, &played, &training, &inner).expect("finite numbers");
+        let outcomes = played.outcomes;
         let advantages: Vec<Vec<f32>> = outcomes
             .iter()
             .map(|outcome| {
@@ -468,7 +557,7 @@ mod tests {
     #[test]
     fn eq_3_the_meta_discriminator_goes_down_the_sum_of_the_adapted_losses() {
         let set = planted_set(&BEARINGS, Seed::new(1)).expect("a valid set");
-        let (mut state, demonstrated, outcomes) = outcomes(&set);
+        let (mut state, demonstrated, PlayedRound { outcomes, .. }) = played(&set);
         let (training, inner) = learning();
         let loss = |displacement: &[f64]| -> f64 {
             let of = |outcome: &Outcome| {
@@ -542,7 +631,7 @@ mod tests {
         let planted = planted_set(&BEARINGS, Seed::new(1)).expect("a valid set");
         let twice = [0, 1, 0].map(|id| planted.get(DemoId(id)).clone());
         let set = DemonstrationSet::new(twice.to_vec()).expect("a valid set");
-        let (_, _, outcomes) = outcomes(&set);
+        let (_, _, PlayedRound { outcomes, .. }) = played(&set);
         assert_eq!(outcomes[0].adapted, outcomes[2].adapted);
         assert_eq!(outcomes[0].after.scores, outcomes[2].after.scores);
         assert_ne!(outcomes[0].adapted, outcomes[1].adapted);

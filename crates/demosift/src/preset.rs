@@ -1,12 +1,13 @@
 //! Ready-made configurations: minutes, an evening, or the paper's values.
 
-use crate::adapt::InnerUpdate;
+use crate::adapt::{InnerUpdate, Rule};
 use crate::advantage::AdvantageEstimation;
+use crate::behavioral_cloning::{Cloning, Descent};
 use crate::experiment::Config;
 use crate::gail::Fitting;
 use crate::imitate::Imitation;
 use crate::judge::Judging;
-use crate::meta_train::{MetaTraining, MutualInformation};
+use crate::meta_train::{MetaTraining, MutualInformation, Order};
 use crate::mutual_information::{Credit, Paid, PosteriorFitting};
 use crate::policy::PolicyShape;
 use crate::rollout::Acting;
@@ -40,6 +41,8 @@ impl Preset {
                 rounds: self.by(25, 40, 2000),
                 meta_batch: 10,
                 trust_region: TrustRegion { max_kl: 0.03, ..TrustRegion::default() },
+                order: Order::First,
+                policy_learning_rate: 1e-3,
                 discriminator_learning_rate: 1e-3,
                 discriminator_hidden: vec![100, 100],
                 checkpoint_every: 10,
@@ -68,7 +71,17 @@ impl Preset {
             },
             imitate: Imitation {
                 environment_steps: self.by(250_000, 400_000, 5_000_000),
-                update: update(10, 0.03),
+                cloning_updates: self.by(100, 200, 500),
+                update: InnerUpdate {
+                    cloning: Cloning {
+                        descent: Descent::Adam,
+                        learning_rate: 1e-3,
+                        steps: 20,
+                        batch: 100,
+                        curve_episodes: 0,
+                    },
+                    ..update(10, 0.03)
+                },
                 discriminator_hidden: vec![100, 100],
                 evaluate_every: 10,
                 evaluations: 20,
@@ -98,10 +111,18 @@ impl Preset {
 
 fn update(discriminator_steps: usize, max_kl: f64) -> InnerUpdate {
     InnerUpdate {
+        imitation: Rule::Gail,
         batch_steps: 2000,
         alphas: vec![1.0],
         trust_region: TrustRegion { max_kl, ..TrustRegion::default() },
         discriminator: Fitting { learning_rate: 3e-3, steps: discriminator_steps, batch: 500, entropy: 0.3 },
         advantage: AdvantageEstimation::default(),
+        cloning: Cloning {
+            descent: Descent::Gradient,
+            learning_rate: 0.05,
+            steps: 5,
+            batch: 100,
+            curve_episodes: 0,
+        },
     }
 }

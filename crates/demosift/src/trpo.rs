@@ -5,18 +5,24 @@
 //! The step is a displacement δ of the parameters that several policies make together, each on its own experience and
 //! with its own weight; one policy on one batch is the ordinary case, and the meta-update of Eq. 2 (first order) is
 //! the case in which each adapted policy θ'_i has its own.
+//! In the exact meta-update (second order) each θ'_i moves as its adaptation carries it along: see [`Adaptation`].
 //!
 //! Where we differ: the paper's step size α scales TRPO's largest step, so that the line search accepts α²·KL.
+
+mod adaptation;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::nn::Real;
 use crate::nn::gaussian;
-use crate::nn::mlp::Tape;
+use crate::nn::mlp::{Mlp, Tape};
 use crate::policy::Policy;
 use crate::solve::conjugate_gradient::conjugate_gradient;
 use crate::solve::line_search::backtrack;
+
+pub use adaptation::Adaptation;
 
 /// How far and how carefully a step goes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -64,6 +70,8 @@ pub struct Step {
     pub displacement: Vec<f32>,
     /// Mean KL divergence that was reached.
     pub kl: f64,
+    /// η: the displacement is η (F + damping)⁻¹ g; 0 if no step was taken.
+    pub size: f64,
     /// Improvement of the surrogate objective.
     pub improvement: f64,
     /// Why it ended so.
@@ -82,10 +90,34 @@ pub enum StepEnd {
     SearchFailed,
 }
 
+/// Policies with what they did, and how they move with the θ that the step is taken from.
+#[derive(Debug, Default)]
+pub struct Branch<'a> {
+    /// What was done; all of it by policies that move alike.
+    pub experiences: Vec<Experience<'a>>,
+    /// How a displacement of θ moves these policies; where there is none, as it moves θ itself.
+    pub adaptation: Option<Adaptation<'a, f32>>,
+}
+
 /// One TRPO step of α times the largest length.
 pub fn step(experiences: &[Experience<'_>], region: &TrustRegion, alpha: f64) -> Result<Step> {
-    let mut batches: Vec<Batch<'_>> = experiences.par_iter().map(Batch::new).collect();
-    let gradient = total(&mut batches, Batch::surrogate_gradient);
+    step_through(vec![Branch { experiences: experiences.to_vec(), adaptation: None }], region, alpha)
+}
+
+/// One TRPO step of α times the largest length, taken by a θ that the acting policies were adapted from.
+///
+/// The gradient is pulled back through each branch's adaptation, and objective and KL divergence are those of the
+/// policies that a displacement leads to, to first order in the displacement.
+/// The Fisher matrix under which the direction is chosen is that of the adapted policies as if all moved alike: any
+/// positive definite one gives an ascent direction, and this one costs a tenth of the one pulled back.
+pub fn step_through(branches: Vec<Branch<'_>>, region: &TrustRegion, alpha: f64) -> Result<Step> {
+    let (mut limbs, mut adaptations) = (Vec::new(), Vec::new());
+    for Branch { experiences, adaptation } in &branches {
+        limbs.push(experiences.par_iter().map(Batch::new).collect::<Vec<_>>());
+        adaptations.push(adaptation.as_ref());
+    }
+    let gradients = each(&mut limbs, |_, batches| total(batches, Batch::surrogate_gradient));
+    let gradient = sum(adapted(&adaptations, gradients, Adaptation::pulled_back));
     if gradient.iter().any(|value| !value.is_finite()) {
         return Err(Error::diverged("the policy gradient is not a finite number"));
     }
@@ -93,12 +125,23 @@ pub fn step(experiences: &[Experience<'_>], region: &TrustRegion, alpha: f64) ->
         return Ok(Step::none(gradient.len(), StepEnd::NoGradient));
     }
     let fisher = |direction: &[f32], product: &mut [f32]| {
-        product.copy_from_slice(&total(&mut batches, |batch| batch.fisher_vector_product(direction)));
+        let products =
+            each(&mut limbs, |_, batches| total(batches, |batch| batch.fisher_vector_product(direction)));
+        product.copy_from_slice(&sum(products));
         for (product, direction) in product.iter_mut().zip(direction) {
             *product += region.damping as f32 * direction;
         }
     };
-    let (direction, curvature) = natural_direction(fisher, &gradient, region);
+    let (direction, mut curvature) = natural_direction(fisher, &gradient, region);
+    let directions =
+        adapted(&adaptations, vec![direction.clone(); adaptations.len()], Adaptation::carried_along);
+    if adaptations.iter().any(Option::is_some) {
+        let curvatures = each(&mut limbs, |index, batches| {
+            let direction = &directions[index];
+            dot(direction, &total(batches, |batch| batch.fisher_vector_product(direction)))
+        });
+        curvature = curvatures.iter().sum::<f64>() + region.damping * dot(&direction, &direction);
+    }
     if curvature.is_nan() || curvature <= 0.0 {
         return Ok(Step::none(gradient.len(), StepEnd::SearchFailed));
     }
@@ -107,24 +150,22 @@ pub fn step(experiences: &[Experience<'_>], region: &TrustRegion, alpha: f64) ->
     let predicted = largest * dot(&gradient, &direction);
     let bound = region.max_kl * alpha * alpha;
     let accepted = backtrack(SHRINK, ATTEMPTS, |fraction| {
-        let displacement: Vec<f32> =
-            direction.iter().map(|value| value * (largest * fraction) as f32).collect();
-        let (improvement, kl) = improvement_and_kl(&mut batches, &displacement);
+        let size = largest * fraction;
+        let along =
+            |direction: &[f32]| -> Vec<f32> { direction.iter().map(|value| value * size as f32).collect() };
+        let (improvement, kl) = sum_of_pairs(each(&mut limbs, |index, batches| {
+            improvement_and_kl(batches, &along(&directions[index]))
+        }));
         let accept =
             improvement >= region.accept_ratio * predicted * fraction && improvement > 0.0 && kl <= bound;
-        accept.then_some((displacement, improvement, kl))
+        accept.then(|| Step { displacement: along(&direction), kl, size, improvement, end: StepEnd::Moved })
     });
-    Ok(match accepted {
-        Some((_, (displacement, improvement, kl))) => {
-            Step { displacement, kl, improvement, end: StepEnd::Moved }
-        }
-        None => Step::none(gradient.len(), StepEnd::SearchFailed),
-    })
+    Ok(accepted.map_or(Step::none(gradient.len(), StepEnd::SearchFailed), |(_, step)| step))
 }
 
 impl Step {
     fn none(parameters: usize, end: StepEnd) -> Self {
-        Self { displacement: vec![0.0; parameters], kl: 0.0, improvement: 0.0, end }
+        Self { displacement: vec![0.0; parameters], kl: 0.0, size: 0.0, improvement: 0.0, end }
     }
 }
 
@@ -185,16 +226,8 @@ impl<'a> Batch<'a> {
     /// F v = Jᵀ M J v, times the weight.
     fn fisher_vector_product(&mut self, direction: &[f32]) -> Vec<f32> {
         let Experience { policy, observations, weight, .. } = *self.experience;
-        let (network_direction, log_std_direction) = direction.split_at(policy.network().parameter_count());
-        let parameters = policy.network_parameters();
-        let mut tangents =
-            policy.network().jvp(parameters, observations, &mut self.tape, network_direction).to_vec();
-        let mut log_std_tangents = log_std_direction.to_vec();
-        gaussian::fisher_metric(policy.log_std(), &mut tangents, &mut log_std_tangents);
-        let mut product = vec![0.0; direction.len()];
-        let (network_product, log_std_product) = product.split_at_mut(policy.network().parameter_count());
-        policy.network().vjp(parameters, observations, &mut self.tape, &tangents, network_product);
-        log_std_product.copy_from_slice(&log_std_tangents);
+        let seen = (observations, &mut self.tape);
+        let mut product = fisher_vector_product(policy.network(), policy.parameters(), seen, direction);
         product.iter_mut().for_each(|value| *value *= weight as f32);
         product
     }
@@ -216,12 +249,57 @@ impl<'a> Batch<'a> {
     }
 }
 
+/// F v = Jᵀ M J v of a network's parameters followed by log standard deviations, `[P + act]`, on observations `[B, obs]`
+/// with which `forward` has run on the tape.
+fn fisher_vector_product<T: Real>(
+    network: &Mlp,
+    parameters: &[T],
+    (observations, tape): (&[T], &mut Tape<T>),
+    direction: &[T],
+) -> Vec<T> {
+    let count = network.parameter_count();
+    let (parameters, log_std) = parameters.split_at(count);
+    let (network_direction, log_std_direction) = direction.split_at(count);
+    let mut tangents = network.jvp(parameters, observations, tape, network_direction).to_vec();
+    let mut log_std_tangents = log_std_direction.to_vec();
+    gaussian::fisher_metric(log_std, &mut tangents, &mut log_std_tangents);
+    let mut product = vec![T::ZERO; direction.len()];
+    let (network_product, log_std_product) = product.split_at_mut(count);
+    network.vjp(parameters, observations, tape, &tangents, network_product);
+    log_std_product.copy_from_slice(&log_std_tangents);
+    product
+}
+
+/// What each branch says, in parallel, in order.
+fn each<'a, R: Send>(
+    limbs: &mut [Vec<Batch<'a>>],
+    say: impl Fn(usize, &mut [Batch<'a>]) -> R + Sync + Send,
+) -> Vec<R> {
+    limbs.par_iter_mut().enumerate().map(|(index, batches)| say(index, batches)).collect()
+}
+
+/// Each branch's vector through its adaptation, if it has one.
+fn adapted<'a>(
+    adaptations: &[Option<&Adaptation<'a, f32>>],
+    vectors: Vec<Vec<f32>>,
+    through: impl Fn(&Adaptation<'a, f32>, &[f32]) -> Vec<f32> + Sync,
+) -> Vec<Vec<f32>> {
+    let map = |(adaptation, vector): (&Option<&Adaptation<'a, f32>>, Vec<f32>)| match adaptation {
+        Some(adaptation) => through(adaptation, &vector),
+        None => vector,
+    };
+    adaptations.par_iter().zip(vectors).map(map).collect()
+}
+
 /// The batches' vectors, made in parallel and summed in order, so that threads do not change a bit.
 fn total<'a>(
     batches: &mut [Batch<'a>],
     vector: impl Fn(&mut Batch<'a>) -> Vec<f32> + Sync + Send,
 ) -> Vec<f32> {
-    let vectors: Vec<Vec<f32>> = batches.par_iter_mut().map(vector).collect();
+    sum(batches.par_iter_mut().map(vector).collect())
+}
+
+fn sum(vectors: Vec<Vec<f32>>) -> Vec<f32> {
     let mut vectors = vectors.into_iter();
     let mut sum = vectors.next().unwrap_or_default();
     for vector in vectors {
@@ -231,9 +309,11 @@ fn total<'a>(
 }
 
 fn improvement_and_kl(batches: &mut [Batch<'_>], displacement: &[f32]) -> (f64, f64) {
-    let parts: Vec<(f64, f64)> =
-        batches.par_iter_mut().map(|batch| batch.improvement_and_kl(displacement)).collect();
-    parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1))
+    sum_of_pairs(batches.par_iter_mut().map(|batch| batch.improvement_and_kl(displacement)).collect())
+}
+
+fn sum_of_pairs(pairs: Vec<(f64, f64)>) -> (f64, f64) {
+    pairs.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1))
 }
 
 fn dot(left: &[f32], right: &[f32]) -> f64 {
@@ -411,6 +491,42 @@ mod tests {
             assert!((whole - 2.0 * half).abs() <= 1e-6 * whole.abs().max(1e-3));
         }
         assert!((whole.kl / half.kl - 4.0).abs() < 0.1, "{} and {}", whole.kl, half.kl);
+    }
+
+    /// (F + λI) δ = η g, by which the derivative of the step goes on.
+    #[test]
+    fn the_size_of_a_step_is_how_far_it_went_along_the_natural_gradient() {
+        let sample = Sample::new(5, 400);
+        let region = TrustRegion { conjugate_gradient_iterations: 100, ..TrustRegion::default() };
+        let experiences = [sample.experience(1.0)];
+        let step = step(&experiences, &region, 0.5).expect("finite numbers");
+        let mut batch = Batch::new(&experiences[0]);
+        let gradient = batch.surrogate_gradient();
+        let product = batch.fisher_vector_product(&step.displacement);
+        assert!(step.size > 0.0);
+        let (mut error, mut scale) = (0.0, 0.0);
+        for ((product, by), slope) in product.iter().zip(&step.displacement).zip(gradient) {
+            let wanted = step.size * f64::from(slope);
+            error += (f64::from(product + region.damping as f32 * by) - wanted).powi(2);
+            scale += wanted.powi(2);
+        }
+        assert!(error.sqrt() < 1e-3 * scale.sqrt(), "{} of {}", error.sqrt(), scale.sqrt());
+    }
+
+    /// Second order after steps of size 0 is first order.
+    #[test]
+    fn policies_that_did_not_adapt_are_carried_along_as_they_are() {
+        let (one, other) = (Sample::new(9, 200), Sample::new(10, 200));
+        let experiences = [one.experience(0.5), other.experience(0.5)];
+        let region = TrustRegion::default();
+        let whole = step(&experiences, &region, 1.0).expect("finite numbers");
+        let branch = |adaptation| Branch { experiences: experiences.to_vec(), adaptation };
+        let still = Adaptation::new(&experiences, &region, 0.0);
+        let branched = step_through(vec![branch(Some(still))], &region, 1.0).expect("finite numbers");
+        for (branched, whole) in branched.displacement.iter().zip(&whole.displacement) {
+            assert!((branched - whole).abs() < 1e-4 * whole.abs().max(1e-3));
+        }
+        assert!((branched.kl - whole.kl).abs() < 1e-4 * whole.kl);
     }
 
     #[test]

@@ -196,7 +196,7 @@ fn algorithm_1_one_update_from_the_meta_discriminator_pays_less_alike() {
             (config.meta_train.rounds, config.judge.iterations) = (rounds, 1);
             let table = scores(&set, &PointMass::new(), &config);
             let curves = table.suitabilities.iter().flat_map(|suitability| &suitability.curves);
-            curves.map(|curve| curve[0].reward_std).sum::<f64>()
+            curves.map(|curve| curve[0].reward_std.unwrap()).sum::<f64>()
         };
         let (without, with) = (spread(0), spread(25));
         assert!(with > without, "seed {seed}: {without} without meta-training, {with} with it");

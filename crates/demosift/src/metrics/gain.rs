@@ -106,7 +106,7 @@ mod tests {
     use crate::seed::Seed;
 
     fn point(score: Score, standard_error: f64) -> CurvePoint {
-        CurvePoint { environment_steps: 0, score, standard_error, success: None }
+        CurvePoint { updates: 0, environment_steps: 0, score, standard_error, success: None }
     }
 
     fn curve(scores: &[Score]) -> LearningCurve {

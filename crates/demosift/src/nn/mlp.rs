@@ -4,6 +4,8 @@
 //! the bias `[out]`. All work space lives in a [`Tape`], which is reused from call to call without allocating.
 //! Rows are worked on in blocks that stay in the cache.
 
+mod curvature;
+
 use crate::nn::Real;
 use crate::nn::elementwise::{add_to, vectorized};
 use crate::nn::product::{Matrix, Target, product};
