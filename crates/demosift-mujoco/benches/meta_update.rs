@@ -16,7 +16,7 @@ use demosift::environment::{EnvVariant, Environment, Specification, StepOutcome,
 use demosift::experiment::Config;
 use demosift::heuristic::Heuristic;
 use demosift::imitate::{self, Imitation, ImitationState};
-use demosift::meta_train::{self, MetaState, MetaTraining, MutualInformation};
+use demosift::meta_train::{self, MetaState, MetaTraining};
 use demosift::observation_filter::ObservationFilter;
 use demosift::observer::{Event, Observer};
 use demosift::policy::Policy;
@@ -99,12 +99,12 @@ fn print_row((update, task, goal): (&str, &str, f64), threads: usize, mut spans:
 
 fn meta_updates(task: &Timed, set: &DemonstrationSet, rounds: usize, informed: bool) -> Vec<Span> {
     let Config { policy, inner, meta_train, mutual_information, .. } = config_of(task);
-    let information = MutualInformation { enabled: informed, ..mutual_information };
+    let information = informed.then_some(&mutual_information);
     let training = MetaTraining { rounds, checkpoint_every: usize::MAX, ..meta_train };
     let (playground, seed) = (Playground::new(task), Seed::new(0));
-    let state = MetaState::start(set, &policy, &training.discriminator_hidden, &information, &seed);
+    let state = MetaState::start(set, &policy, &training.discriminator_hidden, information, &seed);
     let mut watch = Watch::new(task, &playground);
-    let learning = (&training, &inner, &information);
+    let learning = (&training, &inner, &mutual_information);
     meta_train::meta_train(set, &playground, learning, state, &seed, &mut watch).unwrap();
     watch.spans
 }

@@ -14,14 +14,15 @@
 //! | 8, 9: θ'_i, D'_meta,i | [`adapt::update`] in [`imitate`] |
 //! | 10 to 14: Q, θ''_i | [`regularize`], line by line in its file; without it θ''_i is θ'_i |
 //! | 15: sample K trajectories using f_θ''_i | [`play_adapted`] |
-//! | 18: meta-update θ as (2) | [`meta_update_policy`] |
-//! | 19: meta-update D_meta as (3) | [`meta_update_discriminator`] |
+//! | 18: meta-update θ as (2) | [`meta_update_policy`], each demonstration counting c_i (§4.4) |
+//! | 19: meta-update D_meta as (3) | [`meta_update_discriminator`], the same |
 //!
 //! Where we differ: the box updates D before it needs it (line 8 uses what line 9 makes), so line 9 comes first;
 //! the meta-gradients are of first order, which Eq. 3 is as written.
 //! The batch of line 2 is drawn anew in each round, and line 5 draws one variant for each demonstration: with few
 //! trajectories, more rounds say more than more variants in each.
 
+mod cost;
 mod regularize;
 
 use rayon::prelude::*;
@@ -40,7 +41,9 @@ use crate::rollout::{self, Acting, Playground};
 use crate::rows::Rows;
 use crate::seed::Seed;
 use crate::trpo::{self, Step, TrustRegion};
+use crate::weights::Weights;
 
+pub use cost::steps_by_round;
 pub use regularize::{MutualInformation, PosteriorState};
 use regularize::{Regularizer, regularize};
 
@@ -75,12 +78,14 @@ pub struct MetaState {
     pub environment_steps: u64,
     /// Q, where mutual information regularizes.
     pub posterior: Option<PosteriorState>,
+    /// c_i: how much each demonstration counts in the meta-updates (§4.4); all alike, unless a subset is being selected.
+    pub weights: Weights,
 }
 
 /// Name of the stage in events.
 pub const STAGE: &str = "meta_train";
 
-/// Algorithm 1.
+/// Algorithm 1, continued from where `state` stands; its prior is what comes of it.
 pub fn meta_train(
     set: &DemonstrationSet,
     playground: &Playground<'_>,
@@ -88,7 +93,7 @@ pub fn meta_train(
     mut state: MetaState,
     seed: &Seed,
     observer: &mut dyn Observer,
-) -> Result<MetaPrior> {
+) -> Result<MetaState> {
     let demonstrated = state.prior.demonstrated_pairs(set);
     let encodings = mutual_information::encodings(set);
     observer.on(Event::Started { stage: STAGE, done: state.rounds, total: training.rounds });
@@ -97,7 +102,8 @@ pub fn meta_train(
         let during = |error: Error| error.during(&format!("meta-training, round {number}"));
         let tasks = tasks_of_round(set, playground, training.meta_batch, seed.of("batch").at(number));
         let seed = seed.of("round").at(number);
-        let round = Round { prior: &state.prior, tasks: &tasks, playground, inner, seed: &seed };
+        let weights = &state.weights;
+        let round = Round { prior: &state.prior, tasks: &tasks, weights, playground, inner, seed: &seed };
         let regularizer = state.posterior.as_mut().map(|state| Regularizer {
             how: information,
             state,
@@ -116,24 +122,34 @@ pub fn meta_train(
             observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &state });
         }
     }
-    Ok(state.prior)
+    Ok(state)
 }
 
 impl MetaState {
-    /// Line 1: random θ, undecided D_meta, behind the filter of the whole set; random Q if there is to be one.
+    /// Line 1: random θ, undecided D_meta, behind the filter of the whole set; random Q where mutual information is to
+    /// regularize.
     pub fn start(
         set: &DemonstrationSet,
         shape: &PolicyShape,
         discriminator_hidden: &[usize],
-        information: &MutualInformation,
+        information: Option<&MutualInformation>,
         seed: &Seed,
     ) -> Self {
-        let prior = Learner::untrained(set, shape, discriminator_hidden, seed);
+        Self::from_prior(set, Learner::untrained(set, shape, discriminator_hidden, seed), information, seed)
+    }
+
+    /// From a θ and D_meta that know something, with Adam and Q as at first.
+    pub fn from_prior(
+        set: &DemonstrationSet,
+        prior: MetaPrior,
+        information: Option<&MutualInformation>,
+        seed: &Seed,
+    ) -> Self {
         let discriminator_adam = Adam::new(prior.discriminator.parameters().len());
-        let posterior = information
-            .enabled
-            .then(|| PosteriorState::start(set, &information.posterior, seed.of("posterior")));
-        Self { rounds: 0, prior, discriminator_adam, environment_steps: 0, posterior }
+        let posterior =
+            information.map(|how| PosteriorState::start(set, &how.posterior, seed.of("posterior")));
+        let weights = Weights::ones(set.len());
+        Self { rounds: 0, prior, discriminator_adam, environment_steps: 0, posterior, weights }
     }
 }
 
@@ -141,6 +157,8 @@ impl MetaState {
 struct Outcome {
     demo: DemoId,
     variant: EnvVariant,
+    /// c_i.
+    weight: f64,
     adapted: Learner,
     after: Played,
     update: UpdateReport,
@@ -177,6 +195,7 @@ fn tasks_of_round(
 struct Round<'a> {
     prior: &'a MetaPrior,
     tasks: &'a [(DemoId, EnvVariant)],
+    weights: &'a Weights,
     playground: &'a Playground<'a>,
     inner: &'a InnerUpdate,
     seed: &'a Seed,
@@ -255,7 +274,7 @@ fn play_adapted(round: &Round<'_>, imitators: Vec<Imitator>) -> Result<Vec<Outco
         let seeds = seed.many(round.inner.episodes(round.horizon()));
         let trajectories = rollout::play(round.playground, &adapted.policy, Acting::Sampled, variant, seeds)?;
         let after = Played::new(round.playground, &adapted.policy, &trajectories);
-        Ok(Outcome { demo, variant, adapted, after, update })
+        Ok(Outcome { demo, variant, weight: round.weights.of(demo), adapted, after, update })
     };
     imitators.into_par_iter().map(play).collect()
 }
@@ -281,7 +300,8 @@ fn behavior_spread(round: &Round<'_>, outcomes: &[Outcome]) -> f64 {
     (squares / count.max(1) as f64).sqrt()
 }
 
-/// Line 18, Eq. 2, first order: θ moves as all adapted θ'_i would move together to imitate better.
+/// Line 18, Eq. 2, first order: θ moves as all adapted θ'_i would move together to imitate better, each by its weight c_i
+/// (§4.4); the weights share out the trust region too, so that what counts for nothing does not hold θ back.
 fn meta_update_policy(
     policy: &mut Policy,
     outcomes: &[Outcome],
@@ -295,12 +315,12 @@ fn meta_update_policy(
             outcome.after.advantages(&rewards, &inner.advantage)
         })
         .collect::<Result<_>>()?;
-    let weight = 1.0 / outcomes.len() as f64;
+    let total = total_weight(outcomes);
     let experiences: Vec<_> = outcomes
         .iter()
         .zip(&advantages)
         .flat_map(|(outcome, advantages)| {
-            outcome.after.experiences(&outcome.adapted.policy, advantages, weight)
+            outcome.after.experiences(&outcome.adapted.policy, advantages, outcome.weight / total)
         })
         .collect();
     let step = trpo::step(&experiences, region, 1.0)?;
@@ -308,7 +328,11 @@ fn meta_update_policy(
     Ok(step)
 }
 
-/// Line 19, Eq. 3: D_meta ← D_meta − β Σ_i (Ê_τi[∇ −log D'_i] + Ê_vi[∇ −log(1 − D'_i)]).
+fn total_weight(outcomes: &[Outcome]) -> f64 {
+    outcomes.iter().map(|outcome| outcome.weight).sum()
+}
+
+/// Line 19, Eq. 3: D_meta ← D_meta − β Σ_i c_i·(Ê_τi[∇ −log D'_i] + Ê_vi[∇ −log(1 − D'_i)]).
 ///
 /// Adam takes the step, to which the mean over i is what the sum is.
 fn meta_update_discriminator(
@@ -327,8 +351,10 @@ fn meta_update_discriminator(
         })
         .collect();
     let mut gradient = vec![0.0; state.prior.discriminator.parameters().len()];
-    for part in &gradients {
-        gradient.iter_mut().zip(part).for_each(|(sum, value)| *sum += value / outcomes.len() as f32);
+    let total = total_weight(outcomes) as f32;
+    for (part, outcome) in gradients.iter().zip(outcomes) {
+        let weight = outcome.weight as f32;
+        gradient.iter_mut().zip(part).for_each(|(sum, value)| *sum += value * weight / total);
     }
     if gradient.iter().any(|value| !value.is_finite()) {
         return Err(Error::diverged("the gradient of the meta-discriminator is not a finite number"));
@@ -391,19 +417,21 @@ mod tests {
 
     /// A prior after a round, and the outcomes of the next.
     fn outcomes(set: &DemonstrationSet) -> (MetaState, Vec<Rows>, Vec<Outcome>) {
-        let task = PointMass::new();
-        let playground = Playground::new(&task);
-        let (_, inner) = learning();
         let shape = PolicyShape { hidden: vec![6], initial_std: 0.5 };
-        let information = Preset::Quick.config().mutual_information;
-        let state = MetaState::start(set, &shape, &[8], &information, &Seed::new(1));
+        let state = MetaState::start(set, &shape, &[8], None, &Seed::new(1));
         let demonstrated = state.prior.demonstrated_pairs(set);
+        let outcomes = outcomes_of(&state, set, &demonstrated);
+        (state, demonstrated, outcomes)
+    }
+
+    fn outcomes_of(state: &MetaState, set: &DemonstrationSet, demonstrated: &[Rows]) -> Vec<Outcome> {
+        let (task, (_, inner)) = (PointMass::new(), learning());
+        let playground = Playground::new(&task);
         let tasks: Vec<_> = set.ids().into_iter().map(|id| (id, EnvVariant(0))).collect();
-        let seed = Seed::new(2);
+        let (prior, weights, seed) = (&state.prior, &Weights::ones(set.len()), Seed::new(2));
         let round =
-            Round { prior: &state.prior, tasks: &tasks, playground: &playground, inner: &inner, seed: &seed };
-        let played = round.play(&demonstrated, None).expect("finite numbers");
-        (state, demonstrated, played.outcomes)
+            Round { prior, tasks: &tasks, weights, playground: &playground, inner: &inner, seed: &seed };
+        round.play(demonstrated, None).expect("finite numbers").outcomes
     }
 
     /// With a damping that dwarfs the Fisher matrix the step goes along the meta-gradient, which first order takes to be the
@@ -512,6 +540,42 @@ mod tests {
             }
         }
         assert!(checked > 30, "only {checked} slopes were large enough");
+    }
+
+    /// What counts three times moves θ and D_meta as what stands in the set three times, and as nothing else does.
+    #[test]
+    fn section_4_4_a_weight_counts_as_so_many_of_the_same_demonstration() {
+        let planted = planted_set(&BEARINGS, Seed::new(1)).expect("a valid set");
+        let set_of = |ids: &[usize]| {
+            let demonstrations = ids.iter().map(|id| planted.get(DemoId(*id)).clone()).collect();
+            DemonstrationSet::new(demonstrations).expect("a valid set")
+        };
+        let (training, inner) = learning();
+        let updated = |ids: &[usize], weights: &[f64]| {
+            // The filter of a set depends on how often a demonstration stands there, so the prior is that of one set.
+            let (mut state, _, _) = outcomes(&planted);
+            let demonstrated = state.prior.demonstrated_pairs(&set_of(ids));
+            let mut outcomes = outcomes_of(&state, &set_of(ids), &demonstrated);
+            for (outcome, weight) in outcomes.iter_mut().zip(weights) {
+                outcome.weight = *weight;
+            }
+            let mut policy = state.prior.policy.clone();
+            let step = meta_update_policy(&mut policy, &outcomes, &inner, &training.trust_region)
+                .expect("finite numbers");
+            meta_update_discriminator(&mut state, &demonstrated, &outcomes, &training, &inner)
+                .expect("finite numbers");
+            (step.displacement, state.prior.discriminator.parameters().to_vec())
+        };
+        let far = |one: &[f32], other: &[f32]| {
+            let distance = |pair: (&f32, &f32)| f64::from(pair.0 - pair.1).powi(2);
+            one.iter().zip(other).map(distance).sum::<f64>().sqrt()
+        };
+        let thrice = updated(&[0, 0, 0, 1], &[1.0; 4]);
+        let weighed = updated(&[0, 1], &[3.0, 1.0]);
+        let (alike, other) = (updated(&[0, 1], &[1.0; 2]), updated(&[0, 1], &[0.75, 0.25]));
+        assert!(far(&weighed.0, &thrice.0) < 0.02 * far(&alike.0, &thrice.0));
+        assert!(far(&weighed.1, &thrice.1) < 0.2 * far(&alike.1, &thrice.1));
+        assert_eq!(weighed, other, "only the shares count");
     }
 
     #[test]
