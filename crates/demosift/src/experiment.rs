@@ -286,8 +286,8 @@ impl Numbers {
             self.count(&format!("{name}.{field}"), count);
         }
         self.number(&format!("{name}.beta"), selection.beta, Wanted::AtLeastOne);
-        self.number(&format!("{name}.bound"), selection.bound, Wanted::AtLeastOne);
         self.number(&format!("{name}.epsilon"), selection.epsilon, Wanted::Positive);
+        self.number(&format!("{name}.floor"), selection.floor, Wanted::Positive);
     }
 
     fn check(&self) -> Result<()> {

@@ -68,15 +68,15 @@ impl Preset {
                 repeats: self.by(1, 2, 4),
                 acting: Acting::Sampled,
             },
-            // ε is where weights start, so that what was strengthened more than weakened is kept.
+            // ε: kept is what counts at least half as much as the mean.
             subset_selection: SubsetSelection {
                 rounds: self.by(6, 10, 30),
                 steady_rounds: self.by(3, 3, 5),
                 meta_updates: self.by(3, 5, 20),
                 iterations: self.by(5, 8, 5),
                 beta: 1.5,
-                epsilon: 1.0,
-                bound: 100.0,
+                epsilon: 0.5,
+                floor: 0.01,
                 smallest: 1,
             },
             imitate: Imitation {

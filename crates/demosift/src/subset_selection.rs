@@ -22,9 +22,10 @@
 //! - The S_{v_i|e_j} of line 6 has the score of θ subtracted already (Eq. 8), so it is Δ; subtracting S again would do it twice.
 //! - Δ is divided by the spread of the scores, which frees it of the heuristic's unit; over variants the mean is taken, as
 //!   a demonstration has one weight.
-//! - Weights stay between 1/bound and bound. With the spread of [`deltas`] a round multiplies by no more than
-//!   β·exp(√(2 + 2n)), so that nothing overflows, and a demonstration that was misjudged can come back.
-//! - The meta-update divides the weighted sum by the sum of the weights, which neither the trust region nor Adam can tell.
+//! - Weights are divided by their mean after each round, and never fall below a floor. Only their shares matter to the
+//!   meta-update, but ε would compare their size: once θ is as good as the good demonstrations, no Δ is above 0 and all
+//!   weights would fall below any ε together. The floor lets a demonstration that was misjudged come back. No weight exceeds
+//!   n, and a round multiplies by no more than β·exp(√(2 + 2n)), so that nothing overflows.
 //! - "Not done" is not said: it ends when the same subset came out several times in a row, or after so many rounds.
 //! - Should too few end above ε, the heaviest are kept; with no lower limit the subset could be empty.
 
@@ -55,10 +56,10 @@ pub struct SubsetSelection {
     pub iterations: usize,
     /// β: what a weight is multiplied with or divided by, besides exp(Δ).
     pub beta: f64,
-    /// ε: kept is what ends above it; weights start at 1.
+    /// ε: kept is what ends above it; the mean weight is 1.
     pub epsilon: f64,
-    /// Weights stay between one over this and this.
-    pub bound: f64,
+    /// No weight falls below this.
+    pub floor: f64,
     /// So many are kept at least.
     pub smallest: usize,
 }
@@ -236,13 +237,15 @@ fn spread(under: &[Suitability]) -> f64 {
     (scores.iter().map(|score| (score - mean).powi(2)).sum::<f64>() / scores.len() as f64).sqrt()
 }
 
-/// Lines 7 to 11: w_i ← w_i·β·exp(Δ_i) where Δ_i > 0, else w_i·β⁻¹·exp(Δ_i), between the bounds.
+/// Lines 7 to 11: w_i ← w_i·β·exp(Δ_i) where Δ_i > 0, else w_i·β⁻¹·exp(Δ_i); then by their mean, above the floor.
 fn adjusted(weights: &Weights, deltas: &[f64], how: &SubsetSelection) -> Weights {
     let adjust = |((_, weight), delta): ((DemoId, f64), &f64)| {
         let beta = if *delta > 0.0 { how.beta } else { how.beta.recip() };
-        (weight * beta * delta.exp()).clamp(how.bound.recip(), how.bound)
+        weight * beta * delta.exp()
     };
-    Weights::new(weights.iter().zip(deltas).map(adjust).collect())
+    let adjusted: Vec<f64> = weights.iter().zip(deltas).map(adjust).collect();
+    let mean = adjusted.iter().sum::<f64>() / adjusted.len() as f64;
+    Weights::new(adjusted.iter().map(|weight| (weight / mean).max(how.floor)).collect())
 }
 
 /// Line 15: {v_i | w_i > ε}, the heaviest first and ties by id; never fewer than the smallest subset.
@@ -303,5 +306,4 @@ impl Observer for Within<'_> {
 }
 
 #[cfg(test)]
-#[path = "subset_selection_tests.rs"]
 mod tests;

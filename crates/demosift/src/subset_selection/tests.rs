@@ -6,7 +6,7 @@ fn how() -> SubsetSelection {
     SubsetSelection {
         beta: 1.5,
         epsilon: 1.0,
-        bound: 100.0,
+        floor: 0.01,
         smallest: 1,
         ..Preset::Quick.config().subset_selection
     }
@@ -80,7 +80,9 @@ fn algorithm_3_lines_7_to_11_multiply_by_beta_and_the_exponential() {
     let weights = Weights::new(vec![1.0, 2.0, 0.5, 1.0]);
     let found = values(&adjusted(&weights, &[0.3, -0.7, 0.0, -4.0], &how()));
     let e = std::f64::consts::E;
-    let wanted = [1.5 * e.powf(0.3), 2.0 / 1.5 * e.powf(-0.7), 0.5 / 1.5, e.powf(-4.0) / 1.5];
+    let product = [1.5 * e.powf(0.3), 2.0 / 1.5 * e.powf(-0.7), 0.5 / 1.5, e.powf(-4.0) / 1.5];
+    let mean = product.iter().sum::<f64>() / 4.0;
+    let wanted = product.map(|weight| weight / mean);
     assert!(found.iter().zip(wanted).all(|(found, wanted)| (found - wanted).abs() < 1e-12), "{found:?}");
 }
 
@@ -93,17 +95,30 @@ fn algorithm_3_a_good_demonstration_never_loses_weight_and_a_bad_one_never_gains
 }
 
 #[test]
-fn algorithm_3_weights_stay_between_the_bounds_for_ever() {
+fn algorithm_3_weights_neither_overflow_nor_vanish() {
     let mut weights = Weights::ones(2);
     for _ in 0..1000 {
         weights = adjusted(&weights, &[14.0, -14.0], &how());
     }
-    assert_eq!(values(&weights), [100.0, 0.01]);
+    let found = values(&weights);
+    assert!((found[0] - 2.0).abs() < 1e-6 && found[1] == 0.01, "{found:?}");
     // Who was misjudged comes back within a few rounds.
-    for _ in 0..4 {
+    for _ in 0..3 {
         weights = adjusted(&weights, &[-1.0, 1.0], &how());
     }
     assert_eq!(kept(&weights, &how()), [DemoId(1)]);
+}
+
+/// Once θ is as good as the best, no Δ is above 0; the good ones do not fall below the mean for that.
+#[test]
+fn algorithm_3_weights_are_compared_with_each_other() {
+    let mut weights = Weights::ones(3);
+    for _ in 0..5 {
+        weights = adjusted(&weights, &[-0.1, -0.12, -1.4], &how());
+    }
+    assert_eq!(kept(&weights, &how()), [DemoId(0), DemoId(1)]);
+    let alone = adjusted(&Weights::ones(1), &[-3.0], &how());
+    assert_eq!(values(&alone), [1.0]);
 }
 
 #[test]
