@@ -14,8 +14,8 @@
 //! | 8, 9: θ'_i, D'_meta,i | [`adapt::update`] in [`imitate`] |
 //! | 10 to 14: Q, θ''_i | [`regularize`], line by line in its file; without it θ''_i is θ'_i |
 //! | 15: sample K trajectories using f_θ''_i | [`play_adapted`] |
-//! | 18: meta-update θ as (2) | [`meta_update_policy`]; [`cloning::meta_update`] by behavioral cloning |
-//! | 19: meta-update D_meta as (3) | [`meta_update_discriminator`] |
+//! | 18: meta-update θ as (2) | [`meta_update_policy`], each demonstration counting c_i (§4.4); [`cloning::meta_update`] by behavioral cloning |
+//! | 19: meta-update D_meta as (3) | [`meta_update_discriminator`], the same |
 //!
 //! Where we differ: the box updates D before it needs it (line 8 uses what line 9 makes), so line 9 comes first;
 //! the meta-gradients are of first order by default, which Eq. 3 is as written.
@@ -28,6 +28,7 @@
 //! trajectories, more rounds say more than more variants in each.
 
 mod cloning;
+mod cost;
 mod regularize;
 
 use rayon::prelude::*;
@@ -46,7 +47,9 @@ use crate::rollout::{self, Acting, Playground};
 use crate::rows::Rows;
 use crate::seed::Seed;
 use crate::trpo::{self, Adaptation, Branch, Step, TrustRegion};
+use crate::weights::Weights;
 
+pub use cost::steps_by_round;
 pub use regularize::{MutualInformation, PosteriorState};
 use regularize::{Regularizer, regularize};
 
@@ -97,12 +100,14 @@ pub struct MetaState {
     pub environment_steps: u64,
     /// Q, where mutual information regularizes.
     pub posterior: Option<PosteriorState>,
+    /// c_i: how much each demonstration counts in the meta-updates (§4.4); all alike, unless a subset is being selected.
+    pub weights: Weights,
 }
 
 /// Name of the stage in events.
 pub const STAGE: &str = "meta_train";
 
-/// Algorithm 1.
+/// Algorithm 1, continued from where `state` stands; its prior is what comes of it.
 pub fn meta_train(
     set: &DemonstrationSet,
     playground: &Playground<'_>,
@@ -110,7 +115,7 @@ pub fn meta_train(
     mut state: MetaState,
     seed: &Seed,
     observer: &mut dyn Observer,
-) -> Result<MetaPrior> {
+) -> Result<MetaState> {
     let demonstrated = state.prior.demonstrated_pairs(set);
     let encodings = mutual_information::encodings(set);
     observer.on(Event::Started { stage: STAGE, done: state.rounds, total: training.rounds });
@@ -119,7 +124,8 @@ pub fn meta_train(
         let during = |error: Error| error.during(&format!("meta-training, round {number}"));
         let tasks = tasks_of_round(set, playground, training.meta_batch, seed.of("batch").at(number));
         let seed = seed.of("round").at(number);
-        let round = Round { prior: &state.prior, tasks: &tasks, playground, inner, seed: &seed };
+        let weights = &state.weights;
+        let round = Round { prior: &state.prior, tasks: &tasks, weights, playground, inner, seed: &seed };
         let regularizer = state.posterior.as_mut().map(|state| Regularizer {
             how: information,
             state,
@@ -134,25 +140,35 @@ pub fn meta_train(
             observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &state });
         }
     }
-    Ok(state.prior)
+    Ok(state)
 }
 
 impl MetaState {
-    /// Line 1: random θ, undecided D_meta, behind the filter of the whole set; random Q if there is to be one.
+    /// Line 1: random θ, undecided D_meta, behind the filter of the whole set; random Q where mutual information is to
+    /// regularize.
     pub fn start(
         set: &DemonstrationSet,
         shape: &PolicyShape,
         discriminator_hidden: &[usize],
-        information: &MutualInformation,
+        information: Option<&MutualInformation>,
         seed: &Seed,
     ) -> Self {
-        let prior = Learner::untrained(set, shape, discriminator_hidden, seed);
+        Self::from_prior(set, Learner::untrained(set, shape, discriminator_hidden, seed), information, seed)
+    }
+
+    /// From a θ and D_meta that know something, with Adam and Q as at first.
+    pub fn from_prior(
+        set: &DemonstrationSet,
+        prior: MetaPrior,
+        information: Option<&MutualInformation>,
+        seed: &Seed,
+    ) -> Self {
         let policy_adam = Adam::new(prior.policy.network_parameters().len());
         let discriminator_adam = Adam::new(prior.discriminator.parameters().len());
-        let posterior = information
-            .enabled
-            .then(|| PosteriorState::start(set, &information.posterior, seed.of("posterior")));
-        Self { rounds: 0, prior, policy_adam, discriminator_adam, environment_steps: 0, posterior }
+        let posterior =
+            information.map(|how| PosteriorState::start(set, &how.posterior, seed.of("posterior")));
+        let weights = Weights::ones(set.len());
+        Self { rounds: 0, prior, policy_adam, discriminator_adam, environment_steps: 0, posterior, weights }
     }
 }
 
@@ -160,6 +176,8 @@ impl MetaState {
 struct Outcome {
     demo: DemoId,
     variant: EnvVariant,
+    /// c_i.
+    weight: f64,
     adapted: Learner,
     after: Played,
     update: UpdateReport,
@@ -197,6 +215,7 @@ fn tasks_of_round(
 struct Round<'a> {
     prior: &'a MetaPrior,
     tasks: &'a [(DemoId, EnvVariant)],
+    weights: &'a Weights,
     playground: &'a Playground<'a>,
     inner: &'a InnerUpdate,
     seed: &'a Seed,
@@ -216,11 +235,9 @@ struct Imitator {
 impl Round<'_> {
     /// Lines 4 to 17.
     fn play(&self, demonstrated: &[Rows], regularizer: Option<Regularizer<'_>>) -> Result<PlayedRound> {
-        let told = match (self.inner.imitation, &regularizer) {
-            (Rule::BehavioralCloning, Some(regularizer)) => regularizer.how.episodes(self.horizon()),
-            _ => 0,
-        };
-        let before = play_before(self, "before", self.inner.episodes(self.horizon()).max(told))?;
+        let information = regularizer.as_ref().map(|regularizer| regularizer.how);
+        let before =
+            play_before(self, "before", cost::episodes_before(self.inner, information, self.horizon()))?;
         let mut imitators = imitate(self, &before, demonstrated)?;
         let information = regularizer
             .map(|regularizer| regularize(self, &before, &mut imitators, regularizer))
@@ -279,7 +296,7 @@ fn play_adapted(round: &Round<'_>, imitators: Vec<Imitator>) -> Result<Vec<Outco
         let seeds = seed.many(round.inner.episodes(round.horizon()));
         let trajectories = rollout::play(round.playground, &adapted.policy, Acting::Sampled, variant, seeds)?;
         let after = Played::new(round.playground, &adapted.policy, &trajectories);
-        Ok(Outcome { demo, variant, adapted, after, update })
+        Ok(Outcome { demo, variant, weight: round.weights.of(demo), adapted, after, update })
     };
     imitators.into_par_iter().map(play).collect()
 }
@@ -327,8 +344,10 @@ fn meta_update(
     }
 }
 
-/// Line 18, Eq. 2: θ moves so that all adapted θ'_i imitate better; to first order they move together with it, to second
-/// each as its adaptation carries it along.
+/// Line 18, Eq. 2: θ moves so that all adapted θ'_i imitate better, each by its weight c_i (§4.4); to first order they move
+/// together with it, to second each as its adaptation carries it along.
+///
+/// The weights share out the trust region too, so that what counts for nothing does not hold θ back.
 fn meta_update_policy(
     policy: &mut Policy,
     PlayedRound { before, outcomes, .. }: &PlayedRound,
@@ -342,11 +361,10 @@ fn meta_update_policy(
             outcome.after.advantages(&rewards, &inner.advantage)
         })
         .collect::<Result<_>>()?;
-    let weight = 1.0 / outcomes.len() as f64;
-    let experiences = outcomes
-        .iter()
-        .zip(&advantages)
-        .map(|(outcome, advantages)| outcome.after.experiences(&outcome.adapted.policy, advantages, weight));
+    let total = total_weight(outcomes);
+    let experiences = outcomes.iter().zip(&advantages).map(|(outcome, advantages)| {
+        outcome.after.experiences(&outcome.adapted.policy, advantages, outcome.weight / total)
+    });
     let region = &training.trust_region;
     let step = match training.order {
         Order::First => trpo::step(&experiences.flatten().collect::<Vec<_>>(), region, 1.0)?,
@@ -389,7 +407,11 @@ fn before_under(before: &[Before], variant: EnvVariant) -> &Played {
     &found.expect("played for every variant of the round").1
 }
 
-/// Line 19, Eq. 3: D_meta ← D_meta − β Σ_i (Ê_τi[∇ −log D'_i] + Ê_vi[∇ −log(1 − D'_i)]).
+fn total_weight(outcomes: &[Outcome]) -> f64 {
+    outcomes.iter().map(|outcome| outcome.weight).sum()
+}
+
+/// Line 19, Eq. 3: D_meta ← D_meta − β Σ_i c_i·(Ê_τi[∇ −log D'_i] + Ê_vi[∇ −log(1 − D'_i)]).
 ///
 /// Adam takes the step, to which the mean over i is what the sum is.
 fn meta_update_discriminator(
@@ -408,8 +430,10 @@ fn meta_update_discriminator(
         })
         .collect();
     let mut gradient = vec![0.0; state.prior.discriminator.parameters().len()];
-    for part in &gradients {
-        gradient.iter_mut().zip(part).for_each(|(sum, value)| *sum += value / outcomes.len() as f32);
+    let total = total_weight(outcomes) as f32;
+    for (part, outcome) in gradients.iter().zip(outcomes) {
+        let weight = outcome.weight as f32;
+        gradient.iter_mut().zip(part).for_each(|(sum, value)| *sum += value * weight / total);
     }
     if gradient.iter().any(|value| !value.is_finite()) {
         return Err(Error::diverged("the gradient of the meta-discriminator is not a finite number"));
@@ -478,19 +502,21 @@ mod tests {
 
     /// A prior after a round, and the outcomes of the next.
     fn played(set: &DemonstrationSet) -> (MetaState, Vec<Rows>, PlayedRound) {
-        let task = PointMass::new();
-        let playground = Playground::new(&task);
-        let (_, inner) = learning();
         let shape = PolicyShape { hidden: vec![6], initial_std: 0.5 };
-        let information = Preset::Quick.config().mutual_information;
-        let state = MetaState::start(set, &shape, &[8], &information, &Seed::new(1));
+        let state = MetaState::start(set, &shape, &[8], None, &Seed::new(1));
         let demonstrated = state.prior.demonstrated_pairs(set);
-        let tasks: Vec<_> = set.ids().into_iter().map(|id| (id, EnvVariant(0))).collect();
-        let seed = Seed::new(2);
-        let round =
-            Round { prior: &state.prior, tasks: &tasks, playground: &playground, inner: &inner, seed: &seed };
-        let played = round.play(&demonstrated, None).expect("finite numbers");
+        let played = played_from(&state, set, &demonstrated);
         (state, demonstrated, played)
+    }
+
+    fn played_from(state: &MetaState, set: &DemonstrationSet, demonstrated: &[Rows]) -> PlayedRound {
+        let (task, (_, inner)) = (PointMass::new(), learning());
+        let playground = Playground::new(&task);
+        let tasks: Vec<_> = set.ids().into_iter().map(|id| (id, EnvVariant(0))).collect();
+        let (prior, weights, seed) = (&state.prior, &Weights::ones(set.len()), Seed::new(2));
+        let round =
+            Round { prior, tasks: &tasks, weights, playground: &playground, inner: &inner, seed: &seed };
+        round.play(demonstrated, None).expect("finite numbers")
     }
 
     /// With a damping that dwarfs the Fisher matrix the step goes along the meta-gradient, which first order takes to be the
@@ -601,6 +627,41 @@ mod tests {
             }
         }
         assert!(checked > 30, "only {checked} slopes were large enough");
+    }
+
+    /// What counts three times moves θ and D_meta as what stands in the set three times, and as nothing else does.
+    #[test]
+    fn section_4_4_a_weight_counts_as_so_many_of_the_same_demonstration() {
+        let planted = planted_set(&BEARINGS, Seed::new(1)).expect("a valid set");
+        let set_of = |ids: &[usize]| {
+            let demonstrations = ids.iter().map(|id| planted.get(DemoId(*id)).clone()).collect();
+            DemonstrationSet::new(demonstrations).expect("a valid set")
+        };
+        let (training, inner) = learning();
+        let updated = |ids: &[usize], weights: &[f64]| {
+            // The filter of a set depends on how often a demonstration stands there, so the prior is that of one set.
+            let (mut state, _, _) = played(&planted);
+            let demonstrated = state.prior.demonstrated_pairs(&set_of(ids));
+            let mut played = played_from(&state, &set_of(ids), &demonstrated);
+            for (outcome, weight) in played.outcomes.iter_mut().zip(weights) {
+                outcome.weight = *weight;
+            }
+            let mut policy = state.prior.policy.clone();
+            let step = meta_update_policy(&mut policy, &played, &training, &inner).expect("finite numbers");
+            meta_update_discriminator(&mut state, &demonstrated, &played.outcomes, &training, &inner)
+                .expect("finite numbers");
+            (step.displacement, state.prior.discriminator.parameters().to_vec())
+        };
+        let far = |one: &[f32], other: &[f32]| {
+            let distance = |pair: (&f32, &f32)| f64::from(pair.0 - pair.1).powi(2);
+            one.iter().zip(other).map(distance).sum::<f64>().sqrt()
+        };
+        let thrice = updated(&[0, 0, 0, 1], &[1.0; 4]);
+        let weighed = updated(&[0, 1], &[3.0, 1.0]);
+        let (alike, other) = (updated(&[0, 1], &[1.0; 2]), updated(&[0, 1], &[0.75, 0.25]));
+        assert!(far(&weighed.0, &thrice.0) < 0.02 * far(&alike.0, &thrice.0));
+        assert!(far(&weighed.1, &thrice.1) < 0.2 * far(&alike.1, &thrice.1));
+        assert_eq!(weighed, other, "only the shares count");
     }
 
     #[test]
