@@ -489,10 +489,13 @@ pub fn selection(run: &mut Run<'_>, scores: &ScoreTable) -> Result<Selection> {
 
 /// Subset → LearningCurve; `part` names it among others, such as `subset` or `all`.
 ///
-/// Every part starts from the same policy and plays with the same random numbers.
+/// Every part starts from the same policy and plays with the same random numbers; a subset is imitated in the order of the
+/// set, so that how it was ranked does not matter.
 pub fn learning_curve(run: &mut Run<'_>, part: &str, demos: &[DemoId]) -> Result<LearningCurve> {
     let seed = Seed::new(run.config.seed).of("imitate");
-    learning_curve_with(run, part, demos, &seed)
+    let mut demos = demos.to_vec();
+    demos.sort_unstable();
+    learning_curve_with(run, part, &demos, &seed)
 }
 
 /// The oracle (from scratch on one demonstration alone) with a seed of its own, which no other stage shares.
