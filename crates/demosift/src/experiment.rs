@@ -279,7 +279,7 @@ impl Numbers {
     }
 
     fn information(&mut self, name: &str, information: &MutualInformation) {
-        let MutualInformation { batch_steps, posterior, trust_region, .. } = information;
+        let MutualInformation { batch_steps, noise, posterior, trust_region, .. } = information;
         self.count(&format!("{name}.batch_steps"), *batch_steps);
         for (field, count) in [
             ("lstm", posterior.lstm),
@@ -292,6 +292,7 @@ impl Numbers {
         }
         let rate = posterior.learning_rate;
         self.number(&format!("{name}.posterior.learning_rate"), rate, Wanted::Positive);
+        self.number(&format!("{name}.noise"), *noise, Wanted::Positive);
         self.trust_region(&format!("{name}.trust_region"), trust_region);
     }
 

@@ -214,6 +214,14 @@ fn tasks_of_round(
     ids.into_iter().map(|id| (id, *variants.choose(&mut rng).expect("a task has a variant"))).collect()
 }
 
+/// The variants of some tasks, each once.
+fn variants(tasks: &[(DemoId, EnvVariant)]) -> Vec<EnvVariant> {
+    let mut variants: Vec<EnvVariant> = tasks.iter().map(|(_, variant)| *variant).collect();
+    variants.sort_unstable();
+    variants.dedup();
+    variants
+}
+
 /// What a round is about.
 struct Round<'a> {
     prior: &'a MetaPrior,
@@ -238,19 +246,21 @@ struct Imitator {
 impl Round<'_> {
     /// Lines 4 to 17.
     fn play(&self, demonstrated: &[Rows], regularizer: Option<Regularizer<'_>>) -> Result<PlayedRound> {
-        let information = regularizer.as_ref().map(|regularizer| regularizer.how);
-        let before =
-            play_before(self, "before", cost::episodes_before(self.inner, information, self.horizon()))?;
+        let before = play_before(self)?;
         let mut imitators = imitate(self, &before, demonstrated)?;
-        let information = regularizer
-            .map(|regularizer| regularize(self, &before, &mut imitators, regularizer))
-            .transpose()?;
+        let information =
+            regularizer.map(|regularizer| regularize(self, &mut imitators, regularizer)).transpose()?;
         let outcomes = play_adapted(self, imitators)?;
         let played = before.iter().map(|(_, before)| before).chain(outcomes.iter().map(|one| &one.after));
         let environment_steps = played.map(|played| played.observations.len()).sum::<usize>()
             + information.as_ref().map_or(0, |report| report.environment_steps);
         let behavior_spread = behavior_spread(self, &outcomes);
         Ok(PlayedRound { before, outcomes, information, behavior_spread, environment_steps })
+    }
+
+    /// The variants that it is about, each once.
+    fn variants(&self) -> Vec<EnvVariant> {
+        variants(self.tasks)
     }
 
     fn horizon(&self) -> usize {
@@ -263,18 +273,15 @@ impl Round<'_> {
     }
 }
 
-/// Line 7, and the first half of line 12: what θ does under each variant of the round.
-fn play_before(round: &Round<'_>, name: &str, episodes: usize) -> Result<Vec<Before>> {
-    let mut variants: Vec<EnvVariant> = round.tasks.iter().map(|(_, variant)| *variant).collect();
-    variants.sort_unstable();
-    variants.dedup();
+/// Line 7: what θ does under each variant of the round.
+fn play_before(round: &Round<'_>) -> Result<Vec<Before>> {
     let play = |variant: EnvVariant| {
-        let seeds = round.seed.of(name).at(variant.0).many(episodes);
+        let seeds = round.seed.of("before").at(variant.0).many(round.inner.episodes(round.horizon()));
         let policy = &round.prior.policy;
         let trajectories = rollout::play(round.playground, policy, Acting::Sampled, variant, seeds)?;
         Ok((variant, Played::new(round.playground, policy, &trajectories)))
     };
-    variants.into_par_iter().map(play).collect()
+    round.variants().into_par_iter().map(play).collect()
 }
 
 /// Lines 8 and 9.

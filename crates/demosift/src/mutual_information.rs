@@ -16,6 +16,10 @@
 //!
 //! Where we differ: Eq. 5 has R_MI = −E[log Q] and Eq. 4 and the text maximize E[log Q], so the reward is +log Q.
 //! Eq. 5 pays at t = 0 and would credit the first action alone; by default the whole trajectory is credited.
+//! One update changes what a policy does by much less than the noise of its actions does, and from trajectories as they are
+//! Q learned nothing.
+//! So they are played with less noise ([`crate::meta_train::MutualInformation`]), each that is paid is compared with the mean
+//! of the other side, and Q sees both from the middle between them, in units of how far updates move that reading.
 //! Line 11 stands inside the loops over demonstrations; fitted to one of them after the other, Q would know the last
 //! one best, so that it is fitted to all of a round at once.
 
@@ -31,10 +35,10 @@ use crate::error::{Error, Result};
 use crate::nn::adam::Adam;
 use crate::seed::{Rng, Seed};
 
-pub use posterior::{Posterior, States};
+pub use posterior::Posterior;
 pub use sequences::Sequences;
 
-use posterior::{Workspace, time_major};
+use posterior::{Workspace, side_by_side, time_major};
 
 /// Q's shape, and how it is fitted in a round.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -77,6 +81,8 @@ pub enum Paid {
 }
 
 /// What was done before and after imitating one demonstration, and that demonstration's encoding.
+///
+/// Trajectories that stand at the same place are a pair; a side of one trajectory stands opposite all of the other side.
 #[derive(Clone, Copy, Debug)]
 pub struct Change<'a> {
     /// Trajectories of f_θ.
@@ -106,7 +112,7 @@ pub fn fit(
     adam: &mut Adam,
     seed: Seed,
 ) -> Result<Posterior> {
-    let mut fitted = posterior.clone();
+    let mut fitted = posterior.clone().scaled_to(changes);
     let mut workspaces = Vec::new();
     let mut rng = seed.into_rng();
     for _ in 0..fitting.steps {
@@ -119,31 +125,34 @@ pub fn fit(
         // The gradient of −log Q is this one over 2σ², which Adam does not notice.
         adam.descend(fitting.learning_rate as f32, &gradient, fitted.parameters_mut());
     }
-    let errors: Vec<f64> = changes.par_iter().map(|change| squared_error(&fitted, change)).collect();
+    let errors: Vec<f64> = changes
+        .par_iter()
+        .map(|Change { before, after, encoding }| mean_squared_error(&fitted, before, after, *encoding))
+        .collect();
     Ok(fitted.with_squared_error(errors.iter().sum::<f64>() / errors.len() as f64))
 }
 
 /// Line 13, Eq. 5: R_MI = +log Q(v_i | Δπ) of each trajectory that is paid, `[before]` or `[after]`.
 ///
-/// Each is paired with all trajectories of the other side, since what is paid to it should not hang on the luck of one.
+/// One a pair, `[pairs]`.
 pub fn information_rewards(
     posterior: &Posterior,
-    (before, after): (&States, &States),
+    before: &Sequences,
+    after: &Sequences,
     encoding: f32,
-    paid: Paid,
 ) -> Vec<f64> {
-    let predicted = posterior.predict(before, after, &all_pairs(before.len(), after.len()));
-    let log_density = |i: usize, k: usize| posterior.log_density(encoding, predicted[i * after.len() + k]);
-    let mean = |count: usize, of: &dyn Fn(usize) -> f64| (0..count).map(of).sum::<f64>() / count as f64;
-    match paid {
-        Paid::Before => (0..before.len()).map(|i| mean(after.len(), &|k| log_density(i, k))).collect(),
-        Paid::After => (0..after.len()).map(|k| mean(before.len(), &|i| log_density(i, k))).collect(),
-    }
+    let predicted = posterior.predict(before, after);
+    predicted.iter().map(|mu| posterior.log_density(encoding, *mu)).collect()
 }
 
-/// E[(μ − c)²] over all pairs of trajectories.
-pub fn mean_squared_error(posterior: &Posterior, before: &States, after: &States, encoding: f32) -> f64 {
-    let predicted = posterior.predict(before, after, &all_pairs(before.len(), after.len()));
+/// E[(μ − c)²] over the pairs.
+pub fn mean_squared_error(
+    posterior: &Posterior,
+    before: &Sequences,
+    after: &Sequences,
+    encoding: f32,
+) -> f64 {
+    let predicted = posterior.predict(before, after);
     predicted.iter().map(|mu| f64::from(mu - encoding).powi(2)).sum::<f64>() / predicted.len() as f64
 }
 
@@ -176,8 +185,8 @@ struct Pair<'a> {
 
 fn draw<'a>(change: &Change<'a>, rng: &mut Rng) -> Pair<'a> {
     let Change { before, after, encoding } = *change;
-    let before = before.get(rng.random_range(0..before.len()));
-    Pair { before, after: after.get(rng.random_range(0..after.len())), encoding }
+    let (before, after) = posterior::pair(before, after, rng.random_range(0..before.len().max(after.len())));
+    Pair { before, after, encoding }
 }
 
 /// Pairs that one worker takes at a time; fixed, so that the number of threads does not change a sum.
@@ -192,9 +201,8 @@ fn gradient(posterior: &Posterior, pairs: &[Pair<'_>], workspaces: &mut Vec<Work
         .par_chunks(CHUNK)
         .zip(workspaces)
         .map(|(chunk, workspace)| {
-            let readings: Vec<&[f32]> =
-                chunk.iter().map(|pair| pair.before).chain(chunk.iter().map(|pair| pair.after)).collect();
-            time_major(&readings, lstm.input_width(), &mut workspace.inputs);
+            let seen: Vec<_> = chunk.iter().map(|pair| posterior.seen(pair.before, pair.after)).collect();
+            time_major(&side_by_side(&seen), lstm.input_width(), &mut workspace.inputs);
             let encodings: Vec<f32> = chunk.iter().map(|pair| pair.encoding).collect();
             let mut gradient = vec![0.0; parameters.len()];
             let into = (1.0 / pairs.len() as f32, &mut gradient[..]);
@@ -208,20 +216,6 @@ fn gradient(posterior: &Posterior, pairs: &[Pair<'_>], workspaces: &mut Vec<Work
         sum.iter_mut().zip(&part).for_each(|(sum, value)| *sum += value);
     }
     sum
-}
-
-/// The mean of (μ − c)², each trajectory standing in one pair.
-fn squared_error(posterior: &Posterior, change: &Change<'_>) -> f64 {
-    let (before, after) = (posterior.read(change.before), posterior.read(change.after));
-    let pairs: Vec<(usize, usize)> =
-        (0..before.len().max(after.len())).map(|k| (k % before.len(), k % after.len())).collect();
-    let predicted = posterior.predict(&before, &after, &pairs);
-    let squared = predicted.iter().map(|mu| f64::from(mu - change.encoding).powi(2));
-    squared.sum::<f64>() / pairs.len() as f64
-}
-
-fn all_pairs(before: usize, after: usize) -> Vec<(usize, usize)> {
-    (0..before).flat_map(|i| (0..after).map(move |k| (i, k))).collect()
 }
 
 fn mean_and_std(values: &[f64]) -> (f64, f64) {

@@ -89,6 +89,15 @@ impl Policy {
         Self::from_parts(self.network.clone(), parameters, self.filter.clone())
     }
 
+    /// The policy with `share` times the spread of its actions.
+    #[must_use]
+    pub fn with_spread(&self, share: f64) -> Self {
+        let mut parameters = self.parameters.clone();
+        let by = share.ln() as f32;
+        parameters[self.network.parameter_count()..].iter_mut().for_each(|log_std| *log_std += by);
+        Self::from_parts(self.network.clone(), parameters, self.filter.clone())
+    }
+
     /// The same network behind another filter, which changes what it does.
     #[must_use]
     pub fn with_filter(&self, filter: ObservationFilter) -> Self {

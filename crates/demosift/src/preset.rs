@@ -54,6 +54,7 @@ impl Preset {
                 paid: Paid::Before,
                 credit: Credit::Trajectory,
                 batch_steps: self.by(1000, 1000, 2000),
+                noise: 0.2,
                 posterior: PosteriorFitting {
                     lstm: 128,
                     dense: 64,
@@ -62,7 +63,7 @@ impl Preset {
                     steps: self.by(20, 20, 20),
                     batch: 32,
                 },
-                trust_region: TrustRegion { max_kl: 0.03, ..TrustRegion::default() },
+                trust_region: TrustRegion { max_kl: 0.15, ..TrustRegion::default() },
             },
             judge: Judging {
                 iterations: self.by(20, 30, 10),

@@ -91,7 +91,7 @@ fn section_5_4_all_methods_spend_the_same_quota() {
             let (demos, goals, update) = (meta_batch.min(5) as u64, goals as u64, 8 * HORIZON);
             let step = match method {
                 Method::Maml => 1,
-                Method::MamlMi => (demos + goals) * update + (2 * demos + goals) * 5 * HORIZON,
+                Method::MamlMi => (demos + goals) * update + 2 * (demos + goals) * 5 * HORIZON,
                 Method::AvgFineTune => update,
                 Method::FromScratch => 5 * goals * 2 * update,
             };
@@ -128,7 +128,7 @@ fn section_5_4_by_cloning_all_methods_make_as_many_inner_updates() {
             Method::FromScratch => (0, 6 + 10 * 5 / (5 * 2)),
         };
         assert_eq!((plan.updates, plan.iterations), (updates, iterations), "{name}");
-        let informing = if method == Method::MamlMi { 10 * (5 + 5 + 2 * 5 * 5) } else { 0 };
+        let informing = if method == Method::MamlMi { 10 * 2 * (1 + 5) * 5 } else { 0 };
         let steps = HORIZON * (informing + 11 * 10);
         assert_eq!((plan.quota, told, played), (steps, steps, steps), "{name}");
     }

@@ -2,26 +2,27 @@
 //!
 //! | Algorithm 1 | here |
 //! |---|---|
-//! | 10: sample K trajectories τ'_ij using f_θ'_i | [`play_after`] |
+//! | 10: sample K trajectories τ'_ij using f_θ'_i | [`play_quietly`] |
 //! | 11: update Q with τ, τ'_ij and encoded v_i | [`mutual_information::fit`] in [`regularize`] |
-//! | 12: sample new trajectories using f_θ and f_θ'_i | [`play_before`](super::play_before), [`play_after`] |
+//! | 12: sample new trajectories using f_θ and f_θ'_i | [`play_quietly`] |
 //! | 13: compute R_MI_i with Q on the new trajectories as (5) | [`mutual_information::information_rewards`] in [`inform`] |
 //! | 14: θ''_i = θ'_i − α∇L_MI_i(f_θ) with TRPO as (7) | [`inform`] |
 //!
 //! Eq. 7 takes the gradient on the old trajectories, at θ, and applies it to θ'_i, and so do we by default.
+//! The box has Q compare with the trajectories of line 7; ours are played with less noise, so that line 10 plays f_θ too.
+//! The gradients of lines 13 and 14 are those of the policies with less noise, and their step is added to θ'_i.
 //! The box writes ∇L_MI_i(f_θ'_i) in line 14, which [`Paid::After`] does: the gradient at θ'_i on its own trajectories.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Before, Imitator, Round, play_before};
+use super::{Imitator, Round};
 use crate::adapt::Played;
-use crate::demonstration::DemonstrationSet;
+use crate::demonstration::{DemoId, DemonstrationSet};
 use crate::environment::EnvVariant;
 use crate::error::Result;
 use crate::mutual_information::{
-    self, Change, Credit, Paid, Posterior, PosteriorFitting, Sequences, States, advantages,
-    information_rewards,
+    self, Change, Credit, Paid, Posterior, PosteriorFitting, Sequences, advantages, information_rewards,
 };
 use crate::nn::adam::Adam;
 use crate::policy::Policy;
@@ -39,6 +40,10 @@ pub struct MutualInformation {
     pub credit: Credit,
     /// K of lines 10 and 12, as environment steps: whole episodes are played until there are this many; not in the paper.
     pub batch_steps: usize,
+    /// With which share of the spread of its actions a policy plays what Q reads; not in the paper.
+    ///
+    /// One update changes what is done by much less than this spread does, and Q found nothing in full noise.
+    pub noise: f64,
     /// Q's shape and fit.
     pub posterior: PosteriorFitting,
     /// The trust region of line 14 for α = 1 (A.2.1: KL 0.15).
@@ -95,67 +100,98 @@ pub(super) struct Regularizer<'a> {
 /// Lines 10 to 14 for all demonstrations of a round.
 pub(super) fn regularize(
     round: &Round<'_>,
-    before: &[Before],
     imitators: &mut [Imitator],
     regularizer: Regularizer<'_>,
 ) -> Result<Report> {
     let Regularizer { how, state: PosteriorState { posterior, adam }, encodings } = regularizer;
     let encoding = |imitator: &Imitator| encodings[imitator.demo.0];
-    let read = |played: &Played| round.read(played, how.posterior.readings);
-    let after = play_after(round, imitators, how, "inform_train")?;
-    let (sequences_before, sequences_after): (Vec<Sequences>, Vec<Sequences>) =
-        (before.iter().map(|(_, played)| read(played)).collect(), after.iter().map(&read).collect());
+    let train = play_quietly(round, imitators, how, "inform_train")?;
+    let read = train.read(round, how);
     let changes: Vec<Change<'_>> = imitators
         .iter()
-        .zip(&sequences_after)
-        .map(|(imitator, after)| {
-            let before = &sequences_before[place(before, imitator.variant)];
-            Change { before, after, encoding: encoding(imitator) }
-        })
+        .zip(&read)
+        .map(|(imitator, (before, after))| Change { before, after, encoding: encoding(imitator) })
         .collect();
     let seed = round.seed.of("inform_fit");
     *posterior = mutual_information::fit(posterior, &changes, &how.posterior, adam, seed)?;
 
-    let new_before = play_before(round, "inform_before", how.episodes(round.horizon()))?;
-    let new_after = play_after(round, imitators, how, "inform_held_out")?;
-    let states: Vec<States> =
-        new_before.par_iter().map(|(_, played)| posterior.read(&read(played))).collect();
+    let held_out = play_quietly(round, imitators, how, "inform_held_out")?;
     let moved: Vec<Informed> = imitators
         .par_iter()
-        .zip(&new_after)
-        .map(|(imitator, after)| {
-            let place = place(&new_before, imitator.variant);
-            let states = (&states[place], &posterior.read(&read(after)));
+        .zip(&held_out.after)
+        .zip(held_out.read(round, how))
+        .map(|((imitator, after), read)| {
             let paid = match how.paid {
-                Paid::Before => (&round.prior.policy, &new_before[place].1),
-                Paid::After => (&imitator.adapted.policy, after),
+                Paid::Before => held_out.before_under(imitator.variant),
+                Paid::After => after,
             };
-            inform(round, paid, states, (posterior, encoding(imitator)), how)
+            inform(round, paid, &read, (posterior, encoding(imitator)), how)
         })
         .collect::<Result<_>>()?;
     for (imitator, moved) in imitators.iter_mut().zip(&moved) {
         imitator.adapted.policy = imitator.adapted.policy.moved(&moved.displacement);
     }
     let drawn: Vec<f32> = imitators.iter().map(encoding).collect();
-    let played = after.iter().chain(&new_after).chain(new_before.iter().map(|(_, played)| played));
-    let environment_steps = played.map(|played| played.observations.len()).sum();
-    Ok(Report::new(&moved, &drawn, posterior.std(), environment_steps))
+    Ok(Report::new(&moved, &drawn, posterior.std(), train.steps() + held_out.steps()))
 }
 
-/// Lines 10 and 12: what each adapted policy does, with random numbers that all demonstrations share.
-fn play_after(
+/// A policy with less noise, and what it did.
+struct Quiet {
+    policy: Policy,
+    played: Played,
+}
+
+/// What θ does under each variant of the round, and what each θ'_i does.
+struct Compared {
+    before: Vec<(EnvVariant, Quiet)>,
+    after: Vec<Quiet>,
+}
+
+/// Lines 10 and 12, with random numbers that all demonstrations share.
+fn play_quietly(
     round: &Round<'_>,
     imitators: &[Imitator],
     how: &MutualInformation,
     name: &str,
-) -> Result<Vec<Played>> {
-    let play = |imitator: &Imitator| {
-        let policy = &imitator.adapted.policy;
-        let seeds = round.seed.of(name).at(imitator.variant.0).many(how.episodes(round.horizon()));
-        let trajectories = rollout::play(round.playground, policy, Acting::Sampled, imitator.variant, seeds)?;
-        Ok(Played::new(round.playground, policy, &trajectories))
+) -> Result<Compared> {
+    let play = |policy: &Policy, side: &str, variant: EnvVariant| {
+        let policy = policy.with_spread(how.noise);
+        let seeds = round.seed.of(name).of(side).at(variant.0).many(how.episodes(round.horizon()));
+        let trajectories = rollout::play(round.playground, &policy, Acting::Sampled, variant, seeds)?;
+        let played = Played::new(round.playground, &policy, &trajectories);
+        Ok(Quiet { policy, played })
     };
-    imitators.par_iter().map(play).collect()
+    let before = round.variants().into_par_iter();
+    let before = before.map(|variant| Ok((variant, play(&round.prior.policy, "before", variant)?)));
+    let after = imitators.par_iter();
+    let after = after.map(|imitator| play(&imitator.adapted.policy, "after", imitator.variant));
+    Ok(Compared { before: before.collect::<Result<_>>()?, after: after.collect::<Result<_>>()? })
+}
+
+impl Compared {
+    fn before_under(&self, variant: EnvVariant) -> &Quiet {
+        let found = self.before.iter().find(|(played, _)| *played == variant);
+        &found.expect("played for every variant of the round").1
+    }
+
+    /// What Q reads for each imitator: the trajectories that are paid, and the mean of the other side, from which the noise
+    /// of single trajectories is gone.
+    fn read(&self, round: &Round<'_>, how: &MutualInformation) -> Vec<(Sequences, Sequences)> {
+        let read = |quiet: &Quiet| round.read(&quiet.played, how.posterior.readings);
+        let of = |(after, (_, variant)): (&Quiet, &(DemoId, EnvVariant))| {
+            let (before, after) = (read(self.before_under(*variant)), read(after));
+            match how.paid {
+                Paid::Before => (before, after.averaged()),
+                Paid::After => (before.averaged(), after),
+            }
+        };
+        self.after.par_iter().zip(round.tasks).map(of).collect()
+    }
+
+    fn steps(&self) -> usize {
+        let played = self.before.iter().map(|(_, quiet)| quiet).chain(&self.after);
+        played.map(|quiet| quiet.played.observations.len()).sum()
+    }
 }
 
 /// What line 14 did to one adapted policy.
@@ -169,20 +205,20 @@ struct Informed {
 /// Lines 13 and 14 for one demonstration: −α∇L_MI with TRPO, on the trajectories that are paid.
 fn inform(
     round: &Round<'_>,
-    (policy, paid): (&Policy, &Played),
-    states: (&States, &States),
+    Quiet { policy, played }: &Quiet,
+    (before, after): &(Sequences, Sequences),
     (posterior, encoding): (&Posterior, f32),
     how: &MutualInformation,
 ) -> Result<Informed> {
-    let rewards = information_rewards(posterior, states, encoding, how.paid);
-    let advantages = advantages(&rewards, &paid.lengths, how.credit);
+    let rewards = information_rewards(posterior, before, after, encoding);
+    let advantages = advantages(&rewards, &played.lengths, how.credit);
     let step =
-        trpo::step(&paid.experiences(policy, &advantages, 1.0), &how.trust_region, round.inner.alpha(0))?;
+        trpo::step(&played.experiences(policy, &advantages, 1.0), &how.trust_region, round.inner.alpha(0))?;
     Ok(Informed {
         displacement: step.displacement,
         kl: step.kl,
         log_q: rewards.iter().sum::<f64>() / rewards.len() as f64,
-        squared_error: mutual_information::mean_squared_error(posterior, states.0, states.1, encoding),
+        squared_error: mutual_information::mean_squared_error(posterior, before, after, encoding),
     })
 }
 
@@ -203,10 +239,6 @@ impl Report {
             environment_steps,
         }
     }
-}
-
-fn place(before: &[Before], variant: EnvVariant) -> usize {
-    before.iter().position(|(played, _)| *played == variant).expect("played for every variant of the round")
 }
 
 #[cfg(test)]

@@ -26,7 +26,6 @@ fn inner() -> InnerUpdate {
 /// A round up to line 9, behind it lines 10 to 14.
 struct Scene {
     prior: Learner,
-    before: Vec<Before>,
     adapted: Vec<Policy>,
     informed: Vec<Policy>,
     state: PosteriorState,
@@ -44,7 +43,7 @@ fn scene(how: &MutualInformation, goals: usize) -> Scene {
     let tasks: Vec<_> = set.ids().into_iter().map(|id| (id, EnvVariant(id.0 % goals))).collect();
     let weights = &Weights::ones(set.len());
     let round = Round { prior: &prior, tasks: &tasks, weights, playground, inner: &inner, seed: &seed };
-    let before = play_before(&round, "before", inner.episodes(30)).expect("finite numbers");
+    let before = super::super::play_before(&round).expect("finite numbers");
     let demonstrated = prior.demonstrated_pairs(&set);
     let mut imitators = super::super::imitate(&round, &before, &demonstrated).expect("finite numbers");
     let adapted = imitators.iter().map(|one| one.adapted.policy.clone()).collect();
@@ -52,10 +51,10 @@ fn scene(how: &MutualInformation, goals: usize) -> Scene {
     let mut state = PosteriorState::start(&set, &how.posterior, Seed::new(3));
     let played_before = playground.steps_taken();
     let regularizer = Regularizer { how, state: &mut state, encodings: &encodings };
-    let report = regularize(&round, &before, &mut imitators, regularizer).expect("finite numbers");
+    let report = regularize(&round, &mut imitators, regularizer).expect("finite numbers");
     let steps_taken = playground.steps_taken() - played_before;
     let informed = imitators.iter().map(|one| one.adapted.policy.clone()).collect();
-    Scene { prior: prior.clone(), before, adapted, informed, state, encodings, report, steps_taken }
+    Scene { prior: prior.clone(), adapted, informed, state, encodings, report, steps_taken }
 }
 
 fn doubles(values: &[f32]) -> Vec<f64> {
@@ -71,6 +70,24 @@ fn log_probabilities(policy: &Policy, displacement: &[f64], observations: &Rows,
     let means = policy.network().forward(network, &doubles(observations.flat()), &mut tape);
     let rows = means.chunks_exact(2).zip(actions.iter());
     rows.map(|(mean, action)| gaussian::log_probability(mean, log_std, &doubles(action))).collect()
+}
+
+/// Line 10 or 12 again, under the only variant: the policy with less noise, and what it did.
+fn play_again(
+    playground: &Playground<'_>,
+    policy: &Policy,
+    (name, side): (&str, &str),
+    how: &MutualInformation,
+) -> (Policy, Played) {
+    let quiet = policy.with_spread(how.noise);
+    let seeds = Seed::new(2).of(name).of(side).at(0).many(how.episodes(30));
+    let played = rollout::play(playground, &quiet, Acting::Sampled, EnvVariant(0), seeds);
+    let played = Played::new(playground, &quiet, &played.expect("the point mass plays"));
+    (quiet, played)
+}
+
+fn read(played: &Played, how: &MutualInformation) -> Sequences {
+    Sequences::read(&played.observations, &played.lengths, (30, how.posterior.readings))
 }
 
 /// The step on the old trajectories goes from θ along the gradient of E_old[π_θ/π_old · R_MI], here by finite differences
@@ -96,25 +113,21 @@ fn moves_along_the_gradient(paid: Paid) {
     // The held-out trajectories, played again.
     let task = PointMass::new();
     let playground = Playground::new(&task);
-    let play = |policy: &Policy, name: &str| {
-        let seeds = Seed::new(2).of(name).at(0).many(how.episodes(30));
-        let played = rollout::play(&playground, policy, Acting::Sampled, EnvVariant(0), seeds);
-        Played::new(&playground, policy, &played.expect("the point mass plays"))
-    };
-    let old = play(&scene.prior.policy, "inform_before");
-    let read = |played: &Played| {
-        Sequences::read(&played.observations, &played.lengths, (30, how.posterior.readings))
-    };
+    let play = |policy: &Policy, side: &str| play_again(&playground, policy, ("inform_held_out", side), &how);
+    let (old_policy, old) = play(&scene.prior.policy, "before");
     let posterior = &scene.state.posterior;
     for (demo, (adapted, informed)) in scene.adapted.iter().zip(&scene.informed).enumerate() {
-        let new = play(adapted, "inform_held_out");
-        let (states, after) = (posterior.read(&read(&old)), posterior.read(&read(&new)));
-        let rewards = information_rewards(posterior, (&states, &after), scene.encodings[demo], how.paid);
+        let (new_policy, new) = play(adapted, "after");
+        let (before, after) = match how.paid {
+            Paid::Before => (read(&old, &how), read(&new, &how).averaged()),
+            Paid::After => (read(&old, &how).averaged(), read(&new, &how)),
+        };
+        let rewards = information_rewards(posterior, &before, &after, scene.encodings[demo]);
         let mean = rewards.iter().sum::<f64>() / rewards.len() as f64;
         let objective = |displacement: &[f64]| {
             let (policy, played) = match paid {
-                Paid::Before => (&scene.prior.policy, &old),
-                Paid::After => (adapted, &new),
+                Paid::Before => (&old_policy, &old),
+                Paid::After => (&new_policy, &new),
             };
             let of = |by: &[f64]| log_probabilities(policy, by, &played.observations, &played.actions);
             let zeros = vec![0.0; displacement.len()];
@@ -143,77 +156,59 @@ fn moves_along_the_gradient(paid: Paid) {
     }
 }
 
-/// Lines 10 and 12 are played, counted, and by other random numbers than those on which θ'_i was adapted and Q fitted.
+/// Lines 10 and 12 are played and counted; line 12 by other random numbers than those on which Q was fitted.
 #[test]
 fn algorithm_1_lines_10_and_12_play_fresh_trajectories_and_count_them() {
     let how = information();
     for goals in [1, 2] {
         let scene = scene(&how, goals);
         let episodes = 150 / 30;
-        assert_eq!(scene.report.environment_steps, (2 * 3 + goals) * episodes * 30);
+        assert_eq!(scene.report.environment_steps, 2 * (3 + goals) * episodes * 30);
         assert_eq!(scene.steps_taken, scene.report.environment_steps as u64);
-        assert_eq!(scene.before.len(), goals);
         assert!(scene.report.kl > 0.0 && scene.report.kl <= how.trust_region.max_kl);
     }
 }
 
-/// What is reported is what the posterior does on held-out pairs: with encodings that are no function of the behavior it
-/// explains nothing, whatever it makes of the pairs that it was fitted to.
+/// What is reported is what the posterior does on held-out pairs, worked out from these played again.
 #[test]
 fn algorithm_1_line_13_judges_the_posterior_on_held_out_pairs() {
-    let posterior = PosteriorFitting { steps: 300, learning_rate: 0.02, ..information().posterior };
-    let how = MutualInformation { posterior, ..information() };
+    let posterior = PosteriorFitting { steps: 100, learning_rate: 0.01, ..information().posterior };
+    let how = MutualInformation { batch_steps: 1500, posterior, ..information() };
     let scene = scene(&how, 1);
     let task = PointMass::new();
     let playground = Playground::new(&task);
-    let fitted = |name: &str| {
+    let unexplained = |name: &str| {
+        let (_, before) = play_again(&playground, &scene.prior.policy, (name, "before"), &how);
         let squared_error = |(demo, policy): (usize, &Policy)| {
-            let seeds = Seed::new(2).of(name).at(0).many(how.episodes(30));
-            let played = rollout::play(&playground, policy, Acting::Sampled, EnvVariant(0), seeds);
-            let after = Played::new(&playground, policy, &played.expect("the point mass plays"));
-            let read = |played: &Played| {
-                let states =
-                    Sequences::read(&played.observations, &played.lengths, (30, how.posterior.readings));
-                scene.state.posterior.read(&states)
-            };
-            let before = read(&scene.before[0].1);
-            mutual_information::mean_squared_error(
-                &scene.state.posterior,
-                &before,
-                &read(&after),
-                scene.encodings[demo],
-            )
+            let (_, after) = play_again(&playground, policy, (name, "after"), &how);
+            let (before, after) = (read(&before, &how), read(&after, &how).averaged());
+            let posterior = &scene.state.posterior;
+            mutual_information::mean_squared_error(posterior, &before, &after, scene.encodings[demo])
         };
         scene.adapted.iter().enumerate().map(squared_error).sum::<f64>() / 3.0
     };
-    let (train, held_out) = (fitted("inform_train"), fitted("inform_held_out"));
-    assert!(train < held_out, "{train} on the pairs of the fit, {held_out} on others");
-    assert!(scene.report.explained < 1.0 - train, "{:?}", scene.report);
-    let log_q_of_train = -scene.state.posterior.std().ln() - 0.5 - 0.5 * (2.0 * std::f64::consts::PI).ln();
-    assert!(scene.report.log_q < log_q_of_train, "{:?}", scene.report);
+    // The encodings have variance 1.
+    let (train, held_out) = (unexplained("inform_train"), unexplained("inform_held_out"));
+    assert!((scene.report.explained - (1.0 - held_out)).abs() < 1e-4, "{held_out}: {:?}", scene.report);
+    assert!((train - held_out).abs() > 1e-3, "{train} on the pairs of the fit, {held_out} on others");
+    assert!(scene.report.explained > 0.5, "{:?}", scene.report);
 }
 
 /// On trajectories that neither Q nor the step has seen, with the same random numbers for the policy at θ' and at θ''.
 #[test]
 fn algorithm_1_line_14_as_written_raises_log_q_on_fresh_pairs() {
-    let posterior = PosteriorFitting { steps: 200, learning_rate: 0.01, ..information().posterior };
+    let posterior = PosteriorFitting { steps: 100, learning_rate: 0.01, ..information().posterior };
     let how = MutualInformation { paid: Paid::After, batch_steps: 3000, posterior, ..information() };
     let scene = scene(&how, 1);
     let task = PointMass::new();
     let playground = Playground::new(&task);
     let posterior = &scene.state.posterior;
-    let states = |policy: &Policy, name: &str| {
-        let seeds = Seed::new(77).of(name).many(200);
-        let played = rollout::play(&playground, policy, Acting::Sampled, EnvVariant(0), seeds);
-        let played = Played::new(&playground, policy, &played.expect("the point mass plays"));
-        let readings = how.posterior.readings;
-        posterior.read(&Sequences::read(&played.observations, &played.lengths, (30, readings)))
-    };
-    let before = states(&scene.prior.policy, "before");
+    let fresh =
+        |policy: &Policy, side: &str| read(&play_again(&playground, policy, ("fresh", side), &how).1, &how);
+    let before = fresh(&scene.prior.policy, "before").averaged();
     let log_q = |policies: &[Policy]| {
         let of = |(policy, encoding): (&Policy, &f32)| {
-            let rewards =
-                information_rewards(posterior, (&before, &states(policy, "after")), *encoding, Paid::After);
+            let rewards = information_rewards(posterior, &before, &fresh(policy, "after"), *encoding);
             rewards.iter().sum::<f64>() / rewards.len() as f64
         };
         policies.iter().zip(&scene.encodings).map(of).sum::<f64>() / policies.len() as f64

@@ -5,8 +5,9 @@
 //! encoding μ; log Q is the logarithm of a Gaussian density around it.
 //!
 //! Why the difference and not both states side by side: Δπ is a difference, and no change is always predicted alike.
-//! And R_MI is paid to the trajectory *before*: side by side, Q would learn to read the trajectory after alone, from
-//! which all else is noise, and what is paid to the one before would be that noise.
+//!
+//! Why each trajectory is seen from the middle of its pair, in units of the scales: the LSTM would have to
+//! find a hundredth of a unit on top of whole trajectories, and does not in the few steps that it is given.
 //!
 //! Why the spread of the Gaussian is found and not set: given μ, the spread that makes log Q the largest is the root of the
 //! mean squared error on the pairs that Q was fitted to, so that no constant has to be chosen, and E[log Q] is
@@ -14,6 +15,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Change;
 use super::sequences::Sequences;
 use crate::nn::Real;
 use crate::nn::lstm::{Lstm, LstmTape};
@@ -24,6 +26,9 @@ use crate::seed::Seed;
 /// certain, and a density without bounds would make the reward one of outliers.
 const SMALLEST_STD: f64 = 0.1;
 
+/// No reading is taken to be moved by less than this, in units of the observation filter.
+const SMALLEST_SCALE: f64 = 1e-4;
+
 /// Q(v | Δπ), a Gaussian density of the standardized encoding.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Posterior {
@@ -31,6 +36,8 @@ pub struct Posterior {
     head: Mlp,
     /// The LSTM's parameters, then the head's.
     parameters: Vec<f32>,
+    /// How far an update moves each reading of each observation, `[readings, obs]`.
+    scales: Vec<f32>,
     std: f64,
 }
 
@@ -46,20 +53,13 @@ pub(super) struct Workspace<T> {
     state_cotangents: Vec<T>,
 }
 
-/// The hidden states after reading some trajectories, `[len, hidden]`.
-#[derive(Clone, Debug)]
-pub struct States {
-    values: Vec<f32>,
-    width: usize,
-}
-
 impl Posterior {
     /// A posterior that predicts the mean of all encodings, 0, with their own spread, 1: its last layer is zero.
     pub fn untrained(observation_size: usize, lstm: usize, dense: usize, seed: Seed) -> Self {
         let (lstm, head) = (Lstm::new(observation_size, lstm), Mlp::new(&[lstm, dense, 1]));
         let mut parameters = lstm.initial_parameters(seed.of("lstm"));
         parameters.extend(head.initial_parameters(0.0, seed.of("head")));
-        Self { lstm, head, parameters, std: 1.0 }
+        Self { lstm, head, parameters, scales: Vec::new(), std: 1.0 }
     }
 
     /// The parameters of the LSTM, then those of the fully connected layers, `[P]`.
@@ -88,29 +88,49 @@ impl Posterior {
         -0.5 * deviation * deviation - self.std.ln() - 0.5 * (2.0 * std::f64::consts::PI).ln()
     }
 
-    /// Reads trajectories; done once for each, however many pairs it stands in.
-    pub fn read(&self, sequences: &Sequences) -> States {
-        const AT_ONCE: usize = 64;
-        let (weights, width) = (&self.parameters[..self.lstm.parameter_count()], self.lstm.hidden_width());
-        let mut values = Vec::with_capacity(sequences.len() * width);
-        let (mut inputs, mut tape) = (Vec::new(), LstmTape::default());
-        let all: Vec<usize> = (0..sequences.len()).collect();
-        for some in all.chunks(AT_ONCE) {
-            let some: Vec<&[f32]> = some.iter().map(|index| sequences.get(*index)).collect();
-            time_major(&some, self.lstm.input_width(), &mut inputs);
-            values.extend_from_slice(self.lstm.forward(weights, &inputs, some.len(), &mut tape));
+    /// The same with the scales of these pairs: the root mean square of what differs within them.
+    #[must_use]
+    pub(super) fn scaled_to(self, changes: &[Change<'_>]) -> Self {
+        let (mut squares, mut count) = (Vec::new(), 0);
+        for Change { before, after, .. } in changes {
+            for (before, after) in pairs(before, after) {
+                squares.resize(before.len(), 0.0);
+                for (sum, (before, after)) in squares.iter_mut().zip(before.iter().zip(after)) {
+                    *sum += f64::from(after - before).powi(2);
+                }
+                count += 1;
+            }
         }
-        States { values, width }
+        let rms = squares.iter().map(|sum| (sum / f64::from(count)).sqrt());
+        Self { scales: rms.map(|rms| rms.max(SMALLEST_SCALE) as f32).collect(), ..self }
     }
 
-    /// μ of each pair `(before, after)` of trajectories by their indices.
-    pub fn predict(&self, before: &States, after: &States, pairs: &[(usize, usize)]) -> Vec<f32> {
-        let mut differences = Vec::with_capacity(pairs.len() * before.width);
-        for (before, after) in pairs.iter().map(|(i, k)| (before.row(*i), after.row(*k))) {
-            differences.extend(after.iter().zip(before).map(|(after, before)| after - before));
+    /// A pair as the LSTM reads it: each of the two from the middle between them, in units of the scales; `[readings, obs]`.
+    pub(super) fn seen(&self, before: &[f32], after: &[f32]) -> [Vec<f32>; 2] {
+        let half = before.iter().zip(after).enumerate().map(|(at, (before, after))| {
+            0.5 * (after - before) / self.scales.get(at).copied().unwrap_or(1.0)
+        });
+        let after: Vec<f32> = half.collect();
+        [after.iter().map(|half| -half).collect(), after]
+    }
+
+    /// μ of each pair, `[pairs]`.
+    pub fn predict(&self, before: &Sequences, after: &Sequences) -> Vec<f32> {
+        const AT_ONCE: usize = 32;
+        let (lstm_weights, head_weights) = self.parameters.split_at(self.lstm.parameter_count());
+        let (mut inputs, mut tape, mut head_tape) = (Vec::new(), LstmTape::default(), Tape::default());
+        let seen: Vec<[Vec<f32>; 2]> =
+            pairs(before, after).map(|(before, after)| self.seen(before, after)).collect();
+        let mut predicted = Vec::with_capacity(seen.len());
+        for some in seen.chunks(AT_ONCE) {
+            time_major(&side_by_side(some), self.lstm.input_width(), &mut inputs);
+            let states = self.lstm.forward(lstm_weights, &inputs, 2 * some.len(), &mut tape);
+            let (before, after) = states.split_at(states.len() / 2);
+            let differences: Vec<f32> =
+                after.iter().zip(before).map(|(after, before)| after - before).collect();
+            predicted.extend_from_slice(self.head.forward(head_weights, &differences, &mut head_tape));
         }
-        let weights = &self.parameters[self.lstm.parameter_count()..];
-        self.head.forward(weights, &differences, &mut Tape::default()).to_vec()
+        predicted
     }
 
     /// Σ (μ − c)² over pairs whose readings `workspace.inputs` holds, `[steps, 2 pairs, obs]`, first all before and
@@ -157,20 +177,24 @@ impl Posterior {
     }
 }
 
-impl States {
-    /// Number of trajectories.
-    pub fn len(&self) -> usize {
-        self.values.len() / self.width
-    }
+/// One after the other; a side of one trajectory stands opposite all of the other side.
+pub(super) fn pairs<'a>(
+    before: &'a Sequences,
+    after: &'a Sequences,
+) -> impl Iterator<Item = (&'a [f32], &'a [f32])> {
+    (0..before.len().max(after.len())).map(move |index| pair(before, after, index))
+}
 
-    /// Whether there is no trajectory.
-    pub fn is_empty(&self) -> bool {
-        self.values.is_empty()
-    }
+/// The pair of this number.
+pub(super) fn pair<'a>(before: &'a Sequences, after: &'a Sequences, index: usize) -> (&'a [f32], &'a [f32]) {
+    let of = |side: &'a Sequences| side.get(index.min(side.len() - 1));
+    (of(before), of(after))
+}
 
-    fn row(&self, index: usize) -> &[f32] {
-        &self.values[index * self.width..(index + 1) * self.width]
-    }
+/// First all before and then all after.
+pub(super) fn side_by_side(seen: &[[Vec<f32>; 2]]) -> Vec<&[f32]> {
+    let side = |side: usize| seen.iter().map(move |pair| pair[side].as_slice());
+    side(0).chain(side(1)).collect()
 }
 
 /// Sequences, each `[steps, obs]`, as `[steps, sequences, obs]`.

@@ -47,6 +47,12 @@ impl Sequences {
         &self.values[index * self.size..(index + 1) * self.size]
     }
 
+    /// The mean trajectory, as the only one.
+    #[must_use]
+    pub fn averaged(&self) -> Self {
+        Self { values: self.mean().iter().map(|value| *value as f32).collect(), size: self.size }
+    }
+
     /// The mean over the trajectories, `[readings, obs]` flat.
     pub fn mean(&self) -> Vec<f64> {
         let mut mean = vec![0.0; self.size];
