@@ -1,0 +1,123 @@
+//! The HDF5 layout of robomimic: a group an episode.
+//!
+//! | item | shape | element | |
+//! |---|---|---|---|
+//! | `data/demo_<i>/actions` | `[T, act]` | f32 or f64 | |
+//! | `data/demo_<i>/obs/<k>` | `[T, ·]` | f32 or f64 | an observation is split over these |
+//! | `data/demo_<i>/next_obs/<k>` | `[T, ·]` | f32 or f64 | optional; its last row is the final observation |
+//! | `mask/<name>` | `[n]` | strings | filter keys: named subsets |
+//!
+//! Unless columns are named, an observation is every `obs/<k>` with two dimensions of floats, in alphabetical order; images
+//! have more dimensions and stay out.
+//! Rewards, dones and simulator states are never read.
+
+use std::path::Path;
+
+use hdf5_pure::{DType, Group};
+
+use crate::demonstration::hdf5::{self, damaged, find_below, find_group};
+use crate::demonstration::source::{Columns, Episode, Format, Source, side_by_side, trailing_number};
+use crate::error::{Error, Result};
+use crate::rows::Rows;
+
+const OBSERVATIONS: &str = "obs/";
+const NEXT_OBSERVATIONS: &str = "next_obs/";
+
+/// Reads the episodes in the order of their numbers, as robomimic does; `columns` names datasets below an episode's group.
+///
+/// # Errors
+/// `is_bad_input` if the file is not of this layout or damaged; `is_io` if it may not be read.
+pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
+    let opened = hdf5::open(path)?;
+    let root = opened.file.root();
+    let data = find_group(&root, "data")?.map_or_else(|| Err(hdf5::missing(&root, "data/")?), Ok)?;
+    let labels = episode_names(&data)?;
+    let first = data.group(&labels[0]).map_err(damaged)?;
+    let columns = Columns {
+        observations: if columns.observations.is_empty() {
+            usual_observations(&first).map_err(|error| error.during(&labels[0]))?
+        } else {
+            columns.observations.clone()
+        },
+        ..columns.or("", "actions")
+    };
+    let episodes = labels.iter().map(|label| {
+        let group = data.group(label).map_err(damaged)?;
+        read_episode(&group, label, &columns, opened.file_len).map_err(|error| error.during(label))
+    });
+    let episodes = episodes.collect::<Result<_>>()?;
+    Ok(Source { format: Format::Robomimic, columns, episodes, dropped_steps: 0 })
+}
+
+/// Names of the episodes by their numbers, at least one.
+fn episode_names(data: &Group) -> Result<Vec<String>> {
+    let mut names: Vec<String> = data.groups().map_err(damaged)?;
+    names.retain(|name| name.starts_with("demo_") && trailing_number(name).is_some());
+    names.sort_by_key(|name| trailing_number(name));
+    if names.is_empty() {
+        return Err(Error::bad_input("'data' holds no episode; wanted groups demo_0, demo_1, …"));
+    }
+    Ok(names)
+}
+
+fn usual_observations(episode: &Group) -> Result<Vec<String>> {
+    let mut names = Vec::new();
+    if let Some(group) = find_group(episode, "obs")? {
+        for name in group.datasets().map_err(damaged)? {
+            let dataset = group.dataset(&name).map_err(damaged)?;
+            let flat = dataset.shape().map_err(damaged)?.len() == 2;
+            if flat && matches!(dataset.dtype().map_err(damaged)?, DType::F32 | DType::F64) {
+                names.push(format!("{OBSERVATIONS}{name}"));
+            }
+        }
+    }
+    names.sort();
+    if names.is_empty() {
+        return Err(Error::bad_input("there is no observation 'obs/<name>' [T, numbers] of f32 or f64").with_hint(
+            "robomimic's dataset_states_to_obs.py adds observations to a file of states; or name columns, such as states",
+        ));
+    }
+    Ok(names)
+}
+
+fn read_episode(group: &Group, label: &str, columns: &Columns, file_len: u64) -> Result<Episode> {
+    let observations = tables(group, &columns.observations, file_len)?;
+    let actions = tables(group, &columns.actions, file_len)?;
+    if observations.len() != actions.len() {
+        return Err(Error::bad_input(format!(
+            "there are {} observations and {} actions; wanted one observation an action",
+            observations.len(),
+            actions.len()
+        )));
+    }
+    Ok(Episode {
+        label: label.to_owned(),
+        last_observation: last_observation(group, &columns.observations, file_len)?,
+        observations,
+        actions,
+    })
+}
+
+fn tables(group: &Group, names: &[String], file_len: u64) -> Result<Rows> {
+    let parts = names.iter().map(|name| {
+        let dataset = find_below(group, name)?.map_or_else(|| Err(hdf5::missing_below(group, name)?), Ok)?;
+        Ok((name.as_str(), hdf5::read_table(&dataset, name, file_len)?))
+    });
+    side_by_side(&parts.collect::<Result<Vec<_>>>()?)
+}
+
+/// The last row of `next_obs`, if all columns have one there.
+fn last_observation(group: &Group, names: &[String], file_len: u64) -> Result<Option<Vec<f32>>> {
+    let mut row = Vec::new();
+    for name in names {
+        let Some(key) = name.strip_prefix(OBSERVATIONS) else { return Ok(None) };
+        let next = format!("{NEXT_OBSERVATIONS}{key}");
+        let Some(dataset) = find_below(group, &next)? else { return Ok(None) };
+        let table = hdf5::read_table(&dataset, &next, file_len)?;
+        if table.is_empty() {
+            return Ok(None);
+        }
+        row.extend_from_slice(table.row(table.len() - 1));
+    }
+    Ok(Some(row))
+}
