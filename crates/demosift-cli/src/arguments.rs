@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use demosift::method::Method;
 use demosift::preset::Preset;
 use demosift::select::Keep;
 
@@ -26,6 +27,8 @@ pub(crate) enum Command {
     Judge(JobArguments),
     /// Rank the demonstrations and keep the best
     Select(JobArguments),
+    /// Let the demonstrations that help count more and more, and keep those that end up heavy (Algorithm 3 of the paper)
+    Weigh(JobArguments),
     /// Imitate from scratch: the kept demonstrations beside all of them, or those that you name
     Imitate(ImitateArguments),
     /// Imitate each demonstration alone from scratch with the full budget: what a ranking is compared with
@@ -43,9 +46,13 @@ pub(crate) struct JobArguments {
     #[arg(value_name = "SET")]
     pub(crate) demonstrations: Option<PathBuf>,
     /// Keep the K most suitable demonstrations; auto keeps those that surely make the agent better and are not surely
-    /// less than half as good as the best [default: quarter, that is a quarter of the set]
-    #[arg(long, value_name = "K|auto")]
+    /// less than half as good as the best; weights keeps what `demosift weigh` would [default: quarter, that is a quarter
+    /// of the set]
+    #[arg(long, value_name = "K|auto|weights")]
     pub(crate) keep: Option<Keep>,
+    /// How the agent is prepared to imitate; all methods may spend the same environment steps [default: maml]
+    #[arg(long, value_enum)]
+    pub(crate) method: Option<MethodName>,
     /// How much to spend [default: standard]
     #[arg(long, value_enum)]
     pub(crate) preset: Option<PresetName>,
@@ -215,6 +222,30 @@ impl From<PresetName> for Preset {
             PresetName::Quick => Self::Quick,
             PresetName::Standard => Self::Standard,
             PresetName::Paper => Self::Paper,
+        }
+    }
+}
+
+/// [`demosift::method::Method`] as it is typed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MethodName {
+    /// Meta-learn to imitate any demonstration of the set
+    Maml,
+    /// The same, regularized so that behavior tells which demonstration was imitated
+    MamlMi,
+    /// Imitate the entire set first, then fine-tune toward each demonstration
+    AvgFineTune,
+    /// Prepare nothing: imitate each demonstration from an untrained policy, for longer
+    FromScratch,
+}
+
+impl From<MethodName> for Method {
+    fn from(name: MethodName) -> Self {
+        match name {
+            MethodName::Maml => Self::Maml,
+            MethodName::MamlMi => Self::MamlMi,
+            MethodName::AvgFineTune => Self::AvgFineTune,
+            MethodName::FromScratch => Self::FromScratch,
         }
     }
 }

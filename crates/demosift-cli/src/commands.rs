@@ -9,6 +9,7 @@ mod record;
 mod select;
 mod sift;
 mod tasks;
+mod weigh;
 
 use demosift::Result;
 
@@ -22,6 +23,7 @@ pub(crate) fn run(command: Command) -> Result<()> {
         Command::MetaTrain(arguments) => meta_train::run(&arguments),
         Command::Judge(arguments) => judge::run(&arguments),
         Command::Select(arguments) => select::run(&arguments),
+        Command::Weigh(arguments) => weigh::run(&arguments),
         Command::Imitate(arguments) => imitate::run(&arguments),
         Command::Oracle(arguments) => oracle::run(&arguments),
         Command::Play(arguments) => play::run(&arguments),

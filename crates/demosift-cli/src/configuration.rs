@@ -201,7 +201,7 @@ mod tests {
     #[test]
     fn what_to_keep_is_a_word_or_a_number() {
         for (assignment, wanted) in
-            [("keep=3", Keep::Count(3)), ("keep=auto", Keep::Auto), ("keep=\"quarter\"", Keep::Quarter)]
+            [("keep=3", Keep::Count(3)), ("keep=auto", Keep::Auto), ("keep=\"weights\"", Keep::Weights)]
         {
             let mut values = plain(Preset::Quick);
             apply(&mut values, &Layer::from_assignment(assignment).unwrap()).unwrap();
@@ -210,7 +210,7 @@ mod tests {
         let mut values = plain(Preset::Quick);
         apply(&mut values, &Layer::from_assignment("keep=most").unwrap()).unwrap();
         let error = typed::<Config>(of_job(values)).unwrap_err().to_string();
-        assert!(error.contains("must be auto, quarter, or a number"), "{error}");
+        assert!(error.contains("must be auto, weights, quarter, or a number"), "{error}");
     }
 
     #[test]

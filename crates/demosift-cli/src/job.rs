@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use demosift::data_only::DataOnly;
 use demosift::demonstration::{DemonstrationSet, d4rl};
 use demosift::experiment::{self, Config, Run};
+use demosift::method::{Costs, Method};
 use demosift::preset::Preset;
 use demosift::rollout::Playground;
 use demosift::select::Keep;
@@ -36,13 +37,13 @@ pub(crate) struct Job {
 impl Job {
     /// Reads and checks everything, then begins the run or goes on with it.
     pub(crate) fn open(arguments: &JobArguments) -> Result<Self> {
-        Self::open_checked(arguments, |_| Ok(()))
+        Self::open_checked(arguments, |_, _| Ok(()))
     }
 
-    /// The same with a check of what a subcommand wants of the set.
+    /// The same with a check of what a subcommand wants of set and configuration.
     pub(crate) fn open_checked(
         arguments: &JobArguments,
-        check: impl FnOnce(&DemonstrationSet) -> Result<()>,
+        check: impl FnOnce(&DemonstrationSet, &Config) -> Result<()>,
     ) -> Result<Self> {
         use_threads(arguments.run.threads)?;
         let plan = Plan::of(&arguments.run, arguments.preset)?;
@@ -51,7 +52,6 @@ impl Job {
         let path =
             set_file(arguments.demonstrations.as_deref().or(recorded.map(|data| data.path.as_path())))?;
         let set = d4rl::read(&path)?;
-        check(&set)?;
         let data = Data { sha256: files::sha256(std::slice::from_ref(&path))?, path: absolute(&path)? };
         let mut values = plan.values.clone();
         if let Some(keep) = arguments.keep {
@@ -59,10 +59,16 @@ impl Job {
             let layer = Table::from_iter([("keep".to_owned(), toml::Value::String(keep.to_string()))]);
             configuration::apply(&mut values, &Layer { source: "--keep".to_owned(), values: layer })?;
         }
+        if let Some(method) = arguments.method {
+            let name = Method::from(method).to_string();
+            let layer = Table::from_iter([("method".to_owned(), toml::Value::String(name))]);
+            configuration::apply(&mut values, &Layer { source: "--method".to_owned(), values: layer })?;
+        }
         let values = configuration::of_job(values);
         let config: Config = configuration::typed(values.clone())?;
         experiment::check(&set, plan.chosen.task.specification(), &config)
             .map_err(|error| if error.is_bad_input() { error.at(&path) } else { error })?;
+        check(&set, &config)?;
         let folder = plan.open_folder(Some(data), &values)?;
         let progress = Progress::new(MetricsFile::open(folder.path())?);
         Ok(Self { set, path, chosen: plan.chosen, config, folder, progress })
@@ -104,6 +110,15 @@ impl Job {
 
     pub(crate) fn keep(&self) -> Keep {
         self.config.keep
+    }
+
+    pub(crate) fn method(&self) -> Method {
+        self.config.method
+    }
+
+    /// What the stages cost that the run folder holds, beside the budget of the run's method.
+    pub(crate) fn costs(&mut self) -> Result<Costs> {
+        self.run(|run| experiment::costs(run))
     }
 
     pub(crate) fn folder(&self) -> &RunFolder {
@@ -217,8 +232,9 @@ pub(crate) fn set_file(given: Option<&Path>) -> Result<PathBuf> {
 fn check_keep(keep: Keep, set: &DemonstrationSet) -> Result<()> {
     match keep {
         Keep::Count(count) if !(1..=set.len()).contains(&count) => Err(Error::bad_config(format!(
-            "--keep {count}: must be from 1 to the {} demonstrations there are, auto, or quarter",
-            set.len()
+            "--keep {count}: must be from 1 to the {} demonstrations there are, {}",
+            set.len(),
+            Keep::WORDS
         ))),
         _ => Ok(()),
     }

@@ -87,6 +87,8 @@ impl Observer for Progress {
 fn what(stage: &str) -> String {
     match stage {
         "meta_train" => "learning to imitate",
+        "pre_train" => "imitating the entire set",
+        "subset_selection" => "weighing demonstrations",
         "judge" => "judging demonstrations",
         "imitate" => "imitating from scratch",
         "demonstrator" => "training the demonstrator",

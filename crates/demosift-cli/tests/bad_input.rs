@@ -160,9 +160,19 @@ fn configurations_that_are_wrong() {
 fn a_number_to_keep_that_is_not_there() {
     let scratch = Scratch::new("keep");
     refuses(&scratch, &format!("sift set {TASK} --keep 0"), &["--keep 0", "from 1 to the 4"]);
-    refuses(&scratch, &format!("sift set {TASK} --keep most"), &["most", "auto, quarter, or a number"]);
+    refuses(
+        &scratch,
+        &format!("sift set {TASK} --keep most"),
+        &["most", "auto, weights, quarter, or a number"],
+    );
     refuses(&scratch, &format!("sift set {TASK} --keep 5"), &["--keep 5", "from 1 to the 4"]);
     refuses(&scratch, &format!("sift set {TASK} --set keep=5"), &["keep = 5", "from 1 to the 4"]);
+    let five = format!("sift set {TASK} --set subset_selection.smallest=5");
+    refuses(&scratch, &five, &["subset_selection.smallest = 5", "at most the 4"]);
+    let other = "--task point_mass set --method from-scratch";
+    refuses(&scratch, &format!("weigh {other}"), &["method = from-scratch", "maml or maml-mi"]);
+    refuses(&scratch, &format!("sift {other} --keep weights"), &["method = from-scratch", "maml or maml-mi"]);
+    refuses(&scratch, &format!("sift set {TASK} --set method=maml2"), &["maml2", "avg-fine-tune"]);
     refuses(
         &scratch,
         &format!("imitate set {TASK} --demonstration-ids 1,4"),
@@ -231,6 +241,7 @@ fn a_run_folder_of_another_run() {
     for (option, wanted) in [
         ("--set judge.repeats=5", ["judge.repeats was 2", "is 5"]),
         ("--seed 9", ["seed was 0", "is 9"]),
+        ("--method avg-fine-tune", ["method was \"maml\"", "is \"avg-fine-tune\""]),
         ("--keep 3", ["keep was \"quarter\"", "is \"3\""]),
         ("--preset paper", ["imitate.checkpoint_every was 2", "is 10"]),
     ] {
@@ -365,7 +376,7 @@ fn pictures_that_cannot_be_taken() {
 #[test]
 fn a_full_disk() {
     let scratch = Scratch::new("full");
-    for (noun, left) in [("run.json", 1), ("scores.json", 5)] {
+    for (noun, left) in [("run.json", 1), ("scores.json", 7)] {
         let _ = std::fs::remove_dir_all(scratch.0.join("run"));
         std::fs::create_dir(scratch.0.join("run")).unwrap();
         let waiting = scratch.0.join(format!("run/.{noun}.partial"));

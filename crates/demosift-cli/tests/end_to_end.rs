@@ -151,6 +151,70 @@ fn the_oracle_is_compared_with_the_ranking() {
 }
 
 #[test]
+fn the_oracle_tells_every_agreement_and_goes_on_with_more_repeats() {
+    let scratch = Scratch::new("oracle-json");
+    scratch.succeed(&format!("select set {TASK} --out run"));
+    scratch.succeed("oracle --out run --resume --repeats 1");
+    let first = scratch.files("run")["learning_curve_oracle_2_0.json"].clone();
+    let said = scratch.succeed("oracle --out run --resume --repeats 2 --json");
+    assert_eq!(scratch.files("run")["learning_curve_oracle_2_0.json"], first);
+    let value: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert!(value["spearman"].is_f64() && value["kendall"].is_f64(), "{said}");
+    // Of four demonstrations, 2 is half of them.
+    assert_eq!(value["hit_rates"].as_array().unwrap().len(), 1);
+    assert_eq!(value["hit_rates"][0]["k"], 2);
+    assert!((0.0..=1.0).contains(&value["hit_rates"][0]["rate"].as_f64().unwrap()));
+    assert_eq!(value["alone"][3]["scores"].as_array().unwrap().len(), 2);
+    let said = scratch.succeed("oracle --out run --resume --repeats 2");
+    assert!(said.contains("Kendall's: ") && said.contains("Of the ranking's first 2, among"), "{said}");
+}
+
+/// Each method is a run of its own, spends about the same, and says so after a resume as well.
+#[test]
+fn every_method_judges_on_the_same_budget() {
+    let scratch = Scratch::new("methods");
+    let mut quotas = Vec::new();
+    for method in ["maml", "maml-mi", "avg-fine-tune", "from-scratch"] {
+        let job = format!("judge set {TASK} --set mutual_information.batch_steps=60 --out {method}");
+        let said = scratch.succeed(&format!("{job} --method {method}"));
+        assert!(said.contains(&format!("judging; {method} spent")), "{said}");
+        assert!(said.lines().all(|line| line.chars().count() <= 100), "{said}");
+        assert_eq!(scratch.succeed(&format!("judge --out {method} --resume")), said);
+        let json = scratch.succeed(&format!("judge --out {method} --resume --json"));
+        let costs = serde_json::from_str::<serde_json::Value>(&json).unwrap()["costs"].clone();
+        assert_eq!(costs["method"], method);
+        let (quota, spent) = (costs["quota"].as_u64().unwrap(), costs["spent_of_quota"].as_u64().unwrap());
+        assert!(spent <= quota && spent > quota * 3 / 4, "{method}: {spent} of {quota}");
+        quotas.push(quota);
+    }
+    assert!(quotas.iter().all(|quota| *quota == quotas[0]), "{quotas:?}");
+}
+
+#[test]
+fn demonstrations_are_weighed_and_kept_by_weight() {
+    let scratch = Scratch::new("weigh");
+    let small = "--set subset_selection.rounds=4 --set subset_selection.meta_updates=2";
+    let said = scratch.succeed(&format!("weigh set {TASK} {small} --out run"));
+    for wanted in ["round 1", "demonstration", "kept", "It ended after", "weighing"] {
+        assert!(said.contains(wanted), "{said}");
+    }
+    assert_eq!(scratch.succeed("weigh --out run --resume"), said);
+    let whole = scratch.succeed(&format!("sift set {TASK} {small} --keep weights --out sifted"));
+    assert!(whole.contains("when the demonstrations were weighed"), "{whole}");
+    assert!(whole.lines().all(|line| line.chars().count() <= 100), "{whole}");
+    let (weighed, sifted) = (scratch.files("run"), scratch.files("sifted"));
+    assert_eq!(weighed["weights.json"], sifted["weights.json"]);
+    let kept = |files: &std::collections::BTreeMap<String, Vec<u8>>, name: &str| {
+        serde_json::from_slice::<serde_json::Value>(&files[name]).unwrap()["demos"].clone()
+    };
+    assert_eq!(kept(&sifted, "weights.json"), kept(&sifted, "subset.json"));
+    let json = scratch.succeed("select --out sifted --resume --json");
+    let value: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let rounds = value["weighing"]["rounds"].as_array().unwrap();
+    assert_eq!(rounds[0]["weights"].as_array().unwrap().len(), 4);
+}
+
+#[test]
 fn a_recording_is_a_set_and_resumes() {
     let scratch = Scratch::new("record");
     let record = support::RECORD;

@@ -16,7 +16,7 @@ use demosift::environment::{EnvVariant, Environment, Specification, StepOutcome,
 use demosift::experiment::Config;
 use demosift::heuristic::Heuristic;
 use demosift::imitate::{self, Imitation, ImitationState};
-use demosift::meta_train::{self, MetaState, MetaTraining, MutualInformation, Order};
+use demosift::meta_train::{self, MetaState, MetaTraining, Order};
 use demosift::observation_filter::ObservationFilter;
 use demosift::observer::{Event, Observer};
 use demosift::policy::Policy;
@@ -110,12 +110,12 @@ fn meta_updates(
     (informed, order): (bool, Order),
 ) -> Vec<Span> {
     let Config { policy, inner, meta_train, mutual_information, .. } = config_of(task);
-    let information = MutualInformation { enabled: informed, ..mutual_information };
+    let information = informed.then_some(&mutual_information);
     let training = MetaTraining { rounds, order, checkpoint_every: usize::MAX, ..meta_train };
     let (playground, seed) = (Playground::new(task), Seed::new(0));
-    let state = MetaState::start(set, &policy, &training.discriminator_hidden, &information, &seed);
+    let state = MetaState::start(set, &policy, &training.discriminator_hidden, information, &seed);
     let mut watch = Watch::new(task, &playground);
-    let learning = (&training, &inner, &information);
+    let learning = (&training, &inner, &mutual_information);
     meta_train::meta_train(set, &playground, learning, state, &seed, &mut watch).unwrap();
     watch.spans
 }

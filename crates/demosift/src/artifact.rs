@@ -14,11 +14,13 @@ use crate::gail::Discriminator;
 use crate::imitate::{CurvePoint, LearningCurve};
 use crate::judge::ScoreTable;
 use crate::ledger::Ledger;
+use crate::method::Spent;
 use crate::nn::mlp::Mlp;
 use crate::observation_filter::ObservationFilter;
 use crate::observer::Snapshot;
 use crate::policy::Policy;
 use crate::select::{Ranking, Subset};
+use crate::subset_selection::Weighing;
 use crate::uncertainty::Uncertainty;
 
 /// Changes when a file of this version could no longer be read.
@@ -86,8 +88,20 @@ json_artifact!(
     Ranking => "ranking.json",
     Uncertainty => "uncertainty.json",
     Subset => "subset.json",
-    DataOnly => "data_only.json"
+    DataOnly => "data_only.json",
+    Weighing => "weights.json"
 );
+
+/// What a stage spent; the part is its name.
+impl Artifact for Spent {
+    fn keep(&self, ledger: &mut dyn Ledger, part: &str) -> Result<()> {
+        keep_json(ledger, &format!("spent_{part}.json"), self)
+    }
+
+    fn recall(ledger: &dyn Ledger, part: &str) -> Result<Option<Self>> {
+        recall_json(ledger, &format!("spent_{part}.json"))
+    }
+}
 
 /// θ with D_meta.
 impl Artifact for Learner {

@@ -3,11 +3,13 @@
 //! Each arrow of the flow makes one noun, and a [`Ledger`] keeps the nouns: what a ledger already holds is not made
 //! again, and what was begun goes on from its last checkpoint to the identical result.
 
+mod keeping;
+
 use serde::{Deserialize, Serialize};
 
-use crate::adapt::{InnerUpdate, MetaPrior, Rule};
+use crate::adapt::{InnerUpdate, Learner, MetaPrior, Rule};
 use crate::advantage::AdvantageEstimation;
-use crate::artifact::{self, Artifact};
+use crate::artifact::Artifact;
 use crate::behavioral_cloning::Descent;
 use crate::data_only::{self, DataOnly};
 use crate::demonstration::{DemoId, DemonstrationSet};
@@ -18,14 +20,20 @@ use crate::imitate::{self, Imitation, ImitationState, LearningCurve};
 use crate::judge::{self, Judging, ScoreTable};
 use crate::ledger::Ledger;
 use crate::meta_train::{self, MetaState, MetaTraining, MutualInformation, Order};
+use crate::method::{self, Asked, Costs, Method, Plan, Spent};
 use crate::metrics::{self, Gain};
-use crate::observer::{Event, Observer, Snapshot};
+use crate::observer::Observer;
 use crate::policy::PolicyShape;
+use crate::pre_train::{self, PreTrainState, PreTraining};
 use crate::rollout::Playground;
 use crate::seed::Seed;
 use crate::select::{self, Keep, Ranking, Subset};
+use crate::subset_selection::{self, Means, SubsetSelection, Weighing, WeighingState};
 use crate::trpo::TrustRegion;
 use crate::uncertainty::{self, Resampling, Uncertainty};
+
+pub use keeping::Keeping;
+use keeping::stage_name;
 
 /// Everything that a run depends on, besides the demonstrations and the task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,6 +41,8 @@ use crate::uncertainty::{self, Resampling, Uncertainty};
 pub struct Config {
     /// The root of all random numbers.
     pub seed: u64,
+    /// How the parameters are made that judging adapts.
+    pub method: Method,
     /// How many demonstrations to keep.
     pub keep: Keep,
     /// The policy's shape, in meta-training and from scratch.
@@ -41,10 +51,12 @@ pub struct Config {
     pub inner: InnerUpdate,
     /// Meta-training.
     pub meta_train: MetaTraining,
-    /// Whether and how meta-training is regularized by mutual information.
+    /// How meta-training is regularized by mutual information, where the method is `maml-mi`.
     pub mutual_information: MutualInformation,
     /// Judging.
     pub judge: Judging,
+    /// Selection of a subset by weights (Algorithm 3), where it is asked for.
+    pub subset_selection: SubsetSelection,
     /// Imitation from scratch.
     pub imitate: Imitation,
 }
@@ -121,10 +133,19 @@ pub fn check(set: &DemonstrationSet, task: &Specification, config: &Config) -> R
     }
     check_numbers(config)?;
     check_order(config)?;
-    match config.keep {
-        Keep::Count(count) if !(1..=set.len()).contains(&count) => Err(Error::bad_config(format!(
-            "keep = {count}, and must be from 1 to the {} demonstrations there are, auto, or quarter",
+    let smallest = config.subset_selection.smallest;
+    if smallest > set.len() {
+        return Err(Error::bad_config(format!(
+            "subset_selection.smallest = {smallest}, and must be at most the {} demonstrations there are",
             set.len()
+        )));
+    }
+    match config.keep {
+        Keep::Weights => check_has_weights(config.method),
+        Keep::Count(count) if !(1..=set.len()).contains(&count) => Err(Error::bad_config(format!(
+            "keep = {count}, and must be from 1 to the {} demonstrations there are, {}",
+            set.len(),
+            Keep::WORDS
         ))),
         _ => Ok(()),
     }
@@ -143,9 +164,20 @@ fn check_order(config: &Config) -> Result<()> {
     }
 }
 
+/// Whether a method has meta-updates, which the weights of Algorithm 3 enter.
+pub fn check_has_weights(method: Method) -> Result<()> {
+    match method {
+        Method::Maml | Method::MamlMi => Ok(()),
+        Method::AvgFineTune | Method::FromScratch => Err(Error::bad_config(format!(
+            "method = {method}, and must be maml or maml-mi to select by weights, which enter the meta-update"
+        ))),
+    }
+}
+
 /// Whether each number of the configuration means something by itself.
 fn check_numbers(config: &Config) -> Result<()> {
-    let Config { policy, inner, meta_train, mutual_information, judge, imitate, .. } = config;
+    let Config { policy, inner, meta_train, mutual_information, judge, subset_selection, imitate, .. } =
+        config;
     let mut numbers = Numbers::default();
     numbers.policy("policy", policy);
     numbers.update("inner", inner);
@@ -163,6 +195,7 @@ fn check_numbers(config: &Config) -> Result<()> {
     numbers.count("judge.averaged", judge.averaged);
     numbers.count("judge.evaluations", judge.evaluations);
     numbers.count("judge.repeats", judge.repeats);
+    numbers.subset_selection("subset_selection", subset_selection);
     numbers.count("imitate.evaluations", imitate.evaluations);
     numbers.update("imitate.update", &imitate.update);
     numbers.widths("imitate.discriminator_hidden", &imitate.discriminator_hidden);
@@ -191,6 +224,7 @@ struct Numbers {
 enum Wanted {
     Positive,
     NotNegative,
+    AtLeastOne,
     Share,
 }
 
@@ -261,6 +295,21 @@ impl Numbers {
         self.trust_region(&format!("{name}.trust_region"), trust_region);
     }
 
+    fn subset_selection(&mut self, name: &str, selection: &SubsetSelection) {
+        for (field, count) in [
+            ("rounds", selection.rounds),
+            ("steady_rounds", selection.steady_rounds),
+            ("meta_updates", selection.meta_updates),
+            ("iterations", selection.iterations),
+            ("smallest", selection.smallest),
+        ] {
+            self.count(&format!("{name}.{field}"), count);
+        }
+        self.number(&format!("{name}.beta"), selection.beta, Wanted::AtLeastOne);
+        self.number(&format!("{name}.epsilon"), selection.epsilon, Wanted::Positive);
+        self.number(&format!("{name}.floor"), selection.floor, Wanted::Positive);
+    }
+
     fn check(&self) -> Result<()> {
         if let Some((name, _)) = self.counts.iter().find(|(_, count)| *count == 0) {
             return Err(Error::bad_config(format!("{name} = 0, and must be at least 1")));
@@ -279,6 +328,7 @@ impl Wanted {
         match self {
             Self::Positive => number.is_finite() && number > 0.0,
             Self::NotNegative => number.is_finite() && number >= 0.0,
+            Self::AtLeastOne => number.is_finite() && number >= 1.0,
             Self::Share => (0.0..=1.0).contains(&number),
         }
     }
@@ -287,42 +337,120 @@ impl Wanted {
         match self {
             Self::Positive => "a number above 0",
             Self::NotNegative => "a number of at least 0",
+            Self::AtLeastOne => "a number of at least 1",
             Self::Share => "a number from 0 to 1",
         }
     }
 }
 
-/// DemonstrationSet → MetaPrior.
+/// How the run's method spends its budget.
+pub fn plan(run: &Run<'_>) -> Plan {
+    let Config { method, meta_train, inner, mutual_information, judge, .. } = run.config;
+    let asked = Asked { training: meta_train, inner, information: mutual_information, judging: judge };
+    method::plan(*method, run.set, run.playground, &asked, &learning_seed(run.config))
+}
+
+fn learning_seed(config: &Config) -> Seed {
+    Seed::new(config.seed).of("meta_train")
+}
+
+/// Mutual information, where the method has any.
+fn information(config: &Config) -> Option<&MutualInformation> {
+    (config.method == Method::MamlMi).then_some(&config.mutual_information)
+}
+
+/// DemonstrationSet → MetaPrior, by the run's method.
 pub fn prior(run: &mut Run<'_>) -> Result<MetaPrior> {
-    let Run { set, playground, config, ledger, observer } = run;
-    if let Some(prior) = Artifact::recall(*ledger, "")? {
+    if let Some(prior) = Artifact::recall(run.ledger, "")? {
         return Ok(prior);
     }
-    let seed = Seed::new(config.seed).of("meta_train");
-    let start = || {
-        let hidden = &config.meta_train.discriminator_hidden;
-        Ok(MetaState::start(set, &config.policy, hidden, &config.mutual_information, &seed.of("start")))
-    };
-    let (state, mut keeping) = Keeping::begin(*ledger, *observer, meta_train::STAGE, "", start)?;
-    let learning = (&config.meta_train, &config.inner, &config.mutual_information);
-    let prior = meta_train::meta_train(set, playground, learning, state, &seed, &mut keeping)?;
+    let config = run.config;
+    let seed = learning_seed(config);
+    let hidden = &config.meta_train.discriminator_hidden;
+    let untrained = Learner::untrained(run.set, &config.policy, hidden, &seed.of("start"));
+    match config.method {
+        Method::Maml | Method::MamlMi => meta_trained(run, untrained, &seed),
+        Method::AvgFineTune => pre_trained(run, untrained, &seed),
+        Method::FromScratch => {
+            untrained.keep(run.ledger, "")?;
+            Ok(untrained)
+        }
+    }
+}
+
+/// Algorithm 1.
+fn meta_trained(run: &mut Run<'_>, untrained: Learner, seed: &Seed) -> Result<MetaPrior> {
+    let training = MetaTraining { rounds: plan(run).updates, ..run.config.meta_train.clone() };
+    let Run { set, playground, config, ledger, observer } = run;
+    let start = || Ok(MetaState::from_prior(set, untrained, information(config), &seed.of("start")));
+    let (state, mut keeping) =
+        Keeping::begin((*ledger, *observer), playground, meta_train::STAGE, "", start)?;
+    let learning = (&training, &config.inner, &config.mutual_information);
+    let prior = meta_train::meta_train(set, playground, learning, state, seed, &mut keeping)?.prior;
+    keeping.finish("", &prior)?;
+    Ok(prior)
+}
+
+/// Imitation of the entire set (§5, Avg Fine-Tune).
+fn pre_trained(run: &mut Run<'_>, untrained: Learner, seed: &Seed) -> Result<MetaPrior> {
+    let updates = plan(run).updates;
+    let Run { set, playground, config, ledger, observer } = run;
+    let start = || Ok(PreTrainState::start(untrained, &config.inner));
+    let (state, mut keeping) = Keeping::begin((*ledger, *observer), playground, pre_train::STAGE, "", start)?;
+    let checkpoint_every = config.meta_train.checkpoint_every;
+    let training = PreTraining { updates, inner: &config.inner, checkpoint_every };
+    let prior = pre_train::pre_train(set, playground, training, state, seed, &mut keeping)?;
     keeping.finish("", &prior)?;
     Ok(prior)
 }
 
 /// MetaPrior → ScoreTable.
 pub fn scores(run: &mut Run<'_>, prior: &MetaPrior) -> Result<ScoreTable> {
-    let Run { set, playground, config, ledger, observer } = run;
-    if let Some(table) = Artifact::recall(*ledger, "")? {
+    if let Some(table) = Artifact::recall(run.ledger, "")? {
         return Ok(table);
     }
+    let judging = Judging { iterations: plan(run).iterations, ..run.config.judge.clone() };
+    let Run { set, playground, config, ledger, observer } = run;
     let start = || Ok(ScoreTable::default());
-    let (table, mut keeping) = Keeping::begin(*ledger, *observer, judge::STAGE, "", start)?;
+    let (table, mut keeping) = Keeping::begin((*ledger, *observer), playground, judge::STAGE, "", start)?;
     let seed = Seed::new(config.seed).of("judge");
-    let judging = (&config.judge, &config.inner);
+    let judging = (&judging, &config.inner);
     let table = judge::judge(prior, set, playground, judging, table, (&seed, &mut keeping))?;
     keeping.finish("", &table)?;
     Ok(table)
+}
+
+/// MetaPrior → Weighing: a subset by weights (Algorithm 3), with the trends of the weights.
+pub fn weighing(run: &mut Run<'_>, prior: &MetaPrior) -> Result<Weighing> {
+    if let Some(weighing) = Artifact::recall(run.ledger, "")? {
+        return Ok(weighing);
+    }
+    check_has_weights(run.config.method)?;
+    let Run { set, playground, config, ledger, observer } = run;
+    let seed = Seed::new(config.seed).of(subset_selection::STAGE);
+    let start = || Ok(WeighingState::start(set, prior.clone(), information(config), &seed.of("start")));
+    let stage = subset_selection::STAGE;
+    let (state, mut keeping) = Keeping::begin((*ledger, *observer), playground, stage, "", start)?;
+    let means = Means {
+        selection: &config.subset_selection,
+        training: &config.meta_train,
+        inner: &config.inner,
+        information: &config.mutual_information,
+        judging: &config.judge,
+    };
+    let weighing = subset_selection::select_subset(set, playground, &means, state, &seed, &mut keeping)?;
+    keeping.finish("", &weighing)?;
+    Ok(weighing)
+}
+
+/// What the stages that the ledger holds have really played, beside the budget of the run's method.
+pub fn costs(run: &Run<'_>) -> Result<Costs> {
+    let method = run.config.method;
+    let stages = method.stage().into_iter().chain([judge::STAGE, subset_selection::STAGE]).map(str::to_owned);
+    let imitations = ["subset", "all"].map(|part| stage_name(imitate::STAGE, part));
+    let recall = |stage: String| Ok(Spent::recall(run.ledger, &stage)?.map(|spent| (stage, spent)));
+    let spent = stages.chain(imitations).filter_map(|stage| recall(stage).transpose());
+    Ok(Costs { method, plan: plan(run), spent: spent.collect::<Result<_>>()? })
 }
 
 /// What scorers of the recorded data alone say of the set; nothing of it enters a ranking.
@@ -348,6 +476,10 @@ pub fn selection(run: &mut Run<'_>, scores: &ScoreTable) -> Result<Selection> {
         Keep::Quarter => select::top_k(&ranking, run.set.len().div_ceil(4))?,
         Keep::Count(count) => select::top_k(&ranking, count)?,
         Keep::Auto => Subset { demos: uncertainty.worth_keeping() },
+        Keep::Weights => {
+            let prior = prior(run)?;
+            Subset { demos: weighing(run, &prior)?.demos }
+        }
     };
     ranking.keep(run.ledger, "")?;
     uncertainty.keep(run.ledger, "")?;
@@ -357,10 +489,13 @@ pub fn selection(run: &mut Run<'_>, scores: &ScoreTable) -> Result<Selection> {
 
 /// Subset → LearningCurve; `part` names it among others, such as `subset` or `all`.
 ///
-/// Every part starts from the same policy and plays with the same random numbers.
+/// Every part starts from the same policy and plays with the same random numbers; a subset is imitated in the order of the
+/// set, so that how it was ranked does not matter.
 pub fn learning_curve(run: &mut Run<'_>, part: &str, demos: &[DemoId]) -> Result<LearningCurve> {
     let seed = Seed::new(run.config.seed).of("imitate");
-    learning_curve_with(run, part, demos, &seed)
+    let mut demos = demos.to_vec();
+    demos.sort_unstable();
+    learning_curve_with(run, part, &demos, &seed)
 }
 
 /// The oracle (from scratch on one demonstration alone) with a seed of its own, which no other stage shares.
@@ -383,59 +518,14 @@ fn learning_curve_with(
     }
     let imitation = &config.imitate;
     let start = || Ok(ImitationState::start((set, demos), &config.policy, imitation, &seed.of("start")));
-    let (mut state, mut keeping) = Keeping::begin(*ledger, *observer, imitate::STAGE, part, start)?;
+    let (mut state, mut keeping) =
+        Keeping::begin((*ledger, *observer), playground, imitate::STAGE, part, start)?;
     if state.demos() != demos {
         state = start()?;
     }
     let curve = imitate::imitate(set, playground, imitation, state, seed, (part, &mut keeping))?;
     keeping.finish(part, &curve)?;
     Ok(curve)
-}
-
-/// Passes events on, and writes the checkpoints among them into the ledger.
-pub struct Keeping<'a> {
-    ledger: &'a mut dyn Ledger,
-    observer: &'a mut dyn Observer,
-    checkpoint: String,
-    failed: Option<Error>,
-}
-
-impl<'a> Keeping<'a> {
-    /// The state of a stage: that of its last checkpoint, or a new one.
-    pub fn begin<State: Snapshot + serde::de::DeserializeOwned>(
-        ledger: &'a mut dyn Ledger,
-        observer: &'a mut dyn Observer,
-        stage: &str,
-        part: &str,
-        start: impl FnOnce() -> Result<State>,
-    ) -> Result<(State, Self)> {
-        let checkpoint = artifact::checkpoint_name(stage, part);
-        let state = match ledger.recall(&checkpoint)? {
-            Some(bytes) => artifact::read_checkpoint(&bytes, &checkpoint)?,
-            None => start()?,
-        };
-        Ok((state, Self { ledger, observer, checkpoint, failed: None }))
-    }
-
-    /// Keeps the finished noun and forgets the checkpoint.
-    pub fn finish(self, part: &str, noun: &impl Artifact) -> Result<()> {
-        if let Some(error) = self.failed {
-            return Err(error);
-        }
-        noun.keep(self.ledger, part)?;
-        self.ledger.forget(&self.checkpoint)
-    }
-}
-
-impl Observer for Keeping<'_> {
-    fn on(&mut self, event: Event<'_>) {
-        if let Event::Checkpoint { state, .. } = &event
-            && let Err(error) = self.ledger.keep(&self.checkpoint, &artifact::write_checkpoint(*state))
-        {
-            self.failed.get_or_insert(error);
-        }
-        self.observer.on(event);
-    }
 }
 
 #[cfg(test)]
@@ -504,7 +594,7 @@ mod tests {
         );
         assert_eq!(
             complaint(|config| config.keep = Keep::Count(4)),
-            "keep = 4, and must be from 1 to the 3 demonstrations there are, auto, or quarter"
+            "keep = 4, and must be from 1 to the 3 demonstrations there are, auto, weights, or quarter"
         );
     }
 

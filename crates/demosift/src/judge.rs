@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::adapt::{self, Course, InnerUpdate, MetaPrior, UpdateReport};
 use crate::demonstration::{DemoId, DemonstrationSet};
-use crate::environment::EnvVariant;
+use crate::environment::{EnvVariant, Specification};
 use crate::error::Result;
 use crate::heuristic::Score;
 use crate::observer::{Event, Observer};
@@ -123,6 +123,14 @@ pub fn judge(
         observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &table });
     }
     Ok(table)
+}
+
+/// Environment steps that judging so many demonstrations takes, where episodes last to the horizon.
+pub fn steps(demonstrations: usize, task: &Specification, judging: &Judging, inner: &InnerUpdate) -> u64 {
+    let adaptations = demonstrations * judging.repeats;
+    let adapting = adaptations * judging.iterations * inner.episodes(task.horizon);
+    let evaluating = (1 + adaptations) * judging.evaluations;
+    ((adapting + evaluating) * task.horizon * task.variants.len()) as u64
 }
 
 /// What is the same for all demonstrations under a variant: above all the random numbers.

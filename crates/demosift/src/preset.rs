@@ -8,10 +8,12 @@ use crate::gail::Fitting;
 use crate::imitate::Imitation;
 use crate::judge::Judging;
 use crate::meta_train::{MetaTraining, MutualInformation, Order};
+use crate::method::Method;
 use crate::mutual_information::{Credit, Paid, PosteriorFitting};
 use crate::policy::PolicyShape;
 use crate::rollout::Acting;
 use crate::select::Keep;
+use crate::subset_selection::SubsetSelection;
 use crate::trpo::TrustRegion;
 
 /// How much a run may cost.
@@ -34,6 +36,7 @@ impl Preset {
     pub fn config(self) -> Config {
         Config {
             seed: 0,
+            method: Method::Maml,
             keep: Keep::Quarter,
             policy: PolicyShape { hidden: vec![32, 32], initial_std: 0.5 },
             inner: InnerUpdate { alphas: self.alphas(), ..update(20, 0.15) },
@@ -48,7 +51,6 @@ impl Preset {
                 checkpoint_every: 10,
             },
             mutual_information: MutualInformation {
-                enabled: false,
                 paid: Paid::Before,
                 credit: Credit::Trajectory,
                 batch_steps: self.by(1000, 1000, 2000),
@@ -68,6 +70,17 @@ impl Preset {
                 evaluations: self.by(10, 20, 50),
                 repeats: self.by(1, 2, 4),
                 acting: Acting::Sampled,
+            },
+            // ε: kept is what counts at least half as much as the mean.
+            subset_selection: SubsetSelection {
+                rounds: self.by(6, 10, 30),
+                steady_rounds: self.by(3, 3, 5),
+                meta_updates: self.by(3, 5, 20),
+                iterations: self.by(5, 8, 5),
+                beta: 1.5,
+                epsilon: 0.5,
+                floor: 0.01,
+                smallest: 1,
             },
             imitate: Imitation {
                 environment_steps: self.by(250_000, 400_000, 5_000_000),

@@ -35,7 +35,7 @@ pub struct Subset {
     pub demos: Vec<DemoId>,
 }
 
-/// How many demonstrations to keep, written `quarter`, `auto` or a number.
+/// How many demonstrations to keep, written `quarter`, `auto`, `weights` or a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum Keep {
@@ -43,8 +43,15 @@ pub enum Keep {
     Quarter,
     /// Those that this budget shows to be worth it; see [`crate::uncertainty`].
     Auto,
+    /// Those that end up heavy enough in the selection by weights; see [`crate::subset_selection`].
+    Weights,
     /// K of the top K.
     Count(usize),
+}
+
+impl Keep {
+    /// What may stand in place of a number, for errors.
+    pub const WORDS: &str = "auto, weights, or quarter";
 }
 
 impl std::fmt::Display for Keep {
@@ -52,6 +59,7 @@ impl std::fmt::Display for Keep {
         match self {
             Self::Quarter => "quarter".fmt(out),
             Self::Auto => "auto".fmt(out),
+            Self::Weights => "weights".fmt(out),
             Self::Count(count) => count.fmt(out),
         }
     }
@@ -64,9 +72,11 @@ impl std::str::FromStr for Keep {
         match (text, text.parse()) {
             ("quarter", _) => Ok(Self::Quarter),
             ("auto", _) => Ok(Self::Auto),
+            ("weights", _) => Ok(Self::Weights),
             (_, Ok(count)) => Ok(Self::Count(count)),
             _ => Err(Error::bad_config(format!(
-                "keep = {text}, and must be auto, quarter, or a number of demonstrations"
+                "keep = {text}, and must be {}, or a number of demonstrations",
+                Self::WORDS.replace(" or", "")
             ))),
         }
     }
@@ -150,13 +160,13 @@ mod tests {
 
     #[test]
     fn what_to_keep_is_written_as_it_is_read() {
-        for keep in [Keep::Quarter, Keep::Auto, Keep::Count(3)] {
+        for keep in [Keep::Quarter, Keep::Auto, Keep::Weights, Keep::Count(3)] {
             assert_eq!(keep.to_string().parse::<Keep>().expect("its own words"), keep);
         }
         let error = "most".parse::<Keep>().expect_err("no such word");
         assert_eq!(
             error.to_string(),
-            "keep = most, and must be auto, quarter, or a number of demonstrations"
+            "keep = most, and must be auto, weights, quarter, or a number of demonstrations"
         );
     }
 

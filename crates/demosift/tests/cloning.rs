@@ -12,6 +12,7 @@ use demosift::experiment::{self, Config, Run, Sifted};
 use demosift::judge::ScoreTable;
 use demosift::ledger::{InMemory, Ledger};
 use demosift::meta_train::Order;
+use demosift::method::Method;
 use demosift::observer::{Event, Observer, Silent};
 use demosift::point_mass::{PointMass, planted_set};
 use demosift::policy::PolicyShape;
@@ -67,7 +68,7 @@ fn brief(mut config: Config) -> Config {
 }
 
 fn informed(mut config: Config) -> Config {
-    config.mutual_information.enabled = true;
+    config.method = Method::MamlMi;
     config
 }
 

@@ -60,18 +60,13 @@ fn log_q_by_round(seed: u64, paid: Paid) -> Vec<f64> {
     let training = MetaTraining { rounds: 15, discriminator_hidden: vec![32, 32], ..quick.meta_train };
     let fitting =
         PosteriorFitting { lstm: 32, dense: 32, readings: 15, ..quick.mutual_information.posterior };
-    let information = MutualInformation {
-        enabled: true,
-        paid,
-        batch_steps: 600,
-        posterior: fitting,
-        ..quick.mutual_information
-    };
+    let information =
+        MutualInformation { paid, batch_steps: 600, posterior: fitting, ..quick.mutual_information };
     let shape = PolicyShape { hidden: vec![16, 16], initial_std: 0.5 };
     let (task, seed) = (PointMass::new(), Seed::new(100 + seed));
     let playground = Playground::new(&task);
     let hidden = &training.discriminator_hidden;
-    let state = MetaState::start(&set, &shape, hidden, &information, &seed.of("start"));
+    let state = MetaState::start(&set, &shape, hidden, Some(&information), &seed.of("start"));
     let (learning, mut log) = ((&training, &inner, &information), LogQ::default());
     meta_train::meta_train(&set, &playground, learning, state, &seed, &mut log).unwrap();
     assert_eq!(log.0.len(), 15);

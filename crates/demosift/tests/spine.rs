@@ -12,6 +12,7 @@ use demosift::imitate::Imitation;
 use demosift::judge::Judging;
 use demosift::ledger::{InMemory, Ledger};
 use demosift::meta_train::{MetaTraining, MutualInformation};
+use demosift::method::Method;
 use demosift::mutual_information::PosteriorFitting;
 use demosift::observer::{Event, Observer, Silent};
 use demosift::point_mass::{PointMass, planted_set};
@@ -21,6 +22,7 @@ use demosift::recording;
 use demosift::rollout::Playground;
 use demosift::seed::Seed;
 use demosift::select::{self, Keep};
+use demosift::subset_selection::SubsetSelection;
 use demosift::trpo::TrustRegion;
 
 /// Small enough for a test, large enough to rank.
@@ -29,6 +31,7 @@ fn small(seed: u64) -> Config {
     let fitting = demosift::gail::Fitting { learning_rate: 0.01, steps: 20, batch: 100, entropy: 0.3 };
     Config {
         seed,
+        method: Method::Maml,
         keep: Keep::Count(2),
         policy: PolicyShape { hidden: vec![16, 16], initial_std: 0.5 },
         inner: InnerUpdate {
@@ -55,6 +58,12 @@ fn small(seed: u64) -> Config {
             ..quick.mutual_information
         },
         judge: Judging { iterations: 6, evaluations: 10, repeats: 2, ..quick.judge },
+        subset_selection: SubsetSelection {
+            rounds: 5,
+            meta_updates: 2,
+            iterations: 3,
+            ..quick.subset_selection
+        },
         imitate: Imitation {
             environment_steps: 6000,
             update: InnerUpdate { batch_steps: 600, discriminator: fitting, ..quick.imitate.update },
@@ -242,7 +251,7 @@ fn brief(seed: u64) -> Config {
 /// The same with mutual information.
 fn informed(seed: u64) -> Config {
     let mut config = brief(seed);
-    config.mutual_information.enabled = true;
+    config.method = Method::MamlMi;
     config
 }
 
@@ -368,7 +377,8 @@ fn train(ledger: &mut InMemory, observer: &mut dyn Observer, goals: usize) -> Ve
     let (task, training, seed) = (PointMass::with_goals(goals), training(), Seed::new(6));
     let playground = Playground::new(&task);
     let start = || DemonstratorState::start(&playground, &training, &seed);
-    let (state, mut keeping) = Keeping::begin(ledger, observer, demonstrator::STAGE, "", start).unwrap();
+    let (state, mut keeping) =
+        Keeping::begin((ledger, observer), &playground, demonstrator::STAGE, "", start).unwrap();
     demonstrator::train(&playground, &training, state, &seed, &mut keeping).unwrap()
 }
 

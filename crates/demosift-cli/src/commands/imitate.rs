@@ -12,7 +12,7 @@ use crate::{tables, terminal};
 
 pub(crate) fn run(arguments: &ImitateArguments) -> Result<()> {
     let ids = &arguments.demonstration_ids;
-    let mut job = Job::open_checked(&arguments.job, |set| check(ids, set))?;
+    let mut job = Job::open_checked(&arguments.job, |set, _| check(ids, set))?;
     let json = arguments.job.run.json;
     if ids.is_empty() { compare(&mut job, json) } else { imitate_named(&mut job, &named(ids), json) }
 }

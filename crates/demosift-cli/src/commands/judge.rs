@@ -8,6 +8,7 @@ use super::kept_in;
 use crate::arguments::JobArguments;
 use crate::job::Job;
 use crate::tables::by_variant;
+use crate::tables::costs;
 use crate::tables::judgment::{self, Judgment};
 use crate::terminal;
 
@@ -19,6 +20,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
         let uncertainty = experiment::doubts(run, &scores)?;
         Ok((scores, uncertainty, experiment::data_only(run)?))
     })?;
+    let costs = job.costs()?;
     let (ranking, beside) = (select::rank(&scores), job.beside(data_only));
     if arguments.run.json {
         terminal::show_json(&json!({
@@ -26,6 +28,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
             "uncertainty": uncertainty,
             "caveat": uncertainty.caveat(),
             "data_only": judgment::data_only_json(&ranking, &beside.data_only),
+            "costs": costs::as_json(&costs),
             "unit": job.unit(),
             "run_folder": job.folder().path(),
         }));
@@ -36,6 +39,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     terminal::show(&judgment::ranking(&judgment, None));
     terminal::show(&by_variant::gains(&scores, job.variants(), job.unit()));
     terminal::show(&judgment::beside(&ranking, &beside));
+    terminal::show(&costs::played(&costs));
     terminal::show(&kept_in(job.folder()));
     Ok(())
 }

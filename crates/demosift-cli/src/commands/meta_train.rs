@@ -1,22 +1,38 @@
-//! `demosift meta-train`: DemonstrationSet → MetaPrior.
+//! `demosift meta-train`: DemonstrationSet → MetaPrior, by the method that is asked for.
 
 use demosift::Result;
 use demosift::experiment;
+use demosift::method::Method;
 use serde_json::json;
 
 use super::kept_in;
 use crate::arguments::JobArguments;
 use crate::job::Job;
+use crate::tables::costs;
 use crate::terminal;
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = Job::open(arguments)?;
     job.run(experiment::prior)?;
+    let costs = job.costs()?;
     if arguments.run.json {
-        terminal::show_json(&json!({ "run_folder": job.folder().path() }));
+        terminal::show_json(&json!({ "costs": costs::as_json(&costs), "run_folder": job.folder().path() }));
     } else {
-        terminal::show("The policy can now imitate each demonstration of the set within a few updates.\n");
+        terminal::show(&format!("{}\n", what_came_of_it(job.method())));
+        terminal::show(&costs::played(&costs));
         terminal::show(&kept_in(job.folder()));
     }
     Ok(())
+}
+
+fn what_came_of_it(method: Method) -> &'static str {
+    match method {
+        Method::Maml | Method::MamlMi => {
+            "The policy can now imitate each demonstration of the set within a few updates."
+        }
+        Method::AvgFineTune => {
+            "The policy imitates the entire set, and can be fine-tuned toward each demonstration."
+        }
+        Method::FromScratch => "The policy is untrained; this method spends everything on judging.",
+    }
 }

@@ -38,7 +38,7 @@ pub(crate) fn run(arguments: &OracleArguments) -> Result<()> {
         }
         Ok((alone, Ranking::recall(run.ledger, "")?))
     })?;
-    let agreement = ranking.map(|ranking| agreement(&alone, &ranking));
+    let agreement = ranking.map(|ranking| Agreement::of(&ranking, &alone));
     if arguments.job.run.json {
         let rows: Vec<_> = alone
             .iter()
@@ -46,35 +46,67 @@ pub(crate) fn run(arguments: &OracleArguments) -> Result<()> {
             .collect();
         terminal::show_json(&json!({
             "alone": rows,
-            "spearman": agreement,
+            "spearman": agreement.as_ref().map(|agreement| agreement.spearman),
+            "kendall": agreement.as_ref().map(|agreement| agreement.kendall),
+            "hit_rates": agreement.as_ref().map(Agreement::hit_rates_json),
             "unit": job.unit(),
             "run_folder": job.folder().path(),
         }));
         return Ok(());
     }
     terminal::show(&table(alone, job.unit()));
-    match agreement {
-        Some(value) => {
-            terminal::show(&format!("\nSpearman's rank correlation with the ranking: {value:.2}\n"))
-        }
-        None => {
-            terminal::show("\nThe run folder holds no ranking to compare with; `demosift select` makes it.\n")
-        }
-    }
+    terminal::show(&match agreement {
+        Some(agreement) => agreement.in_words(),
+        None => "\nThe run folder holds no ranking to compare with; `demosift select` makes it.\n".to_owned(),
+    });
     terminal::show(&kept_in(job.folder()));
     Ok(())
 }
 
-/// Spearman's rank correlation of the suitability with what the demonstrations taught alone.
-fn agreement(alone: &[Alone], ranking: &Ranking) -> f64 {
-    let (judged, taught): (Vec<Score>, Vec<Score>) = ranking
-        .entries
-        .iter()
-        .filter_map(|entry| {
-            alone.iter().find(|alone| alone.demo == entry.demo).map(|alone| (entry.score, alone.mean))
-        })
-        .unzip();
-    metrics::spearman(&judged, &taught)
+/// How well the suitabilities agree with what the demonstrations taught alone.
+struct Agreement {
+    spearman: f64,
+    kendall: f64,
+    /// K, and which share of the ranking's top K are among the top K alone.
+    hit_rates: Vec<(usize, f64)>,
+}
+
+impl Agreement {
+    /// Hit rates are at 2 and at half of the set, as far as these are less than all.
+    fn of(ranking: &Ranking, alone: &[Alone]) -> Self {
+        let (judged, taught): (Vec<Score>, Vec<Score>) = ranking
+            .entries
+            .iter()
+            .filter_map(|entry| {
+                alone.iter().find(|alone| alone.demo == entry.demo).map(|alone| (entry.score, alone.mean))
+            })
+            .unzip();
+        let mut tops = vec![2, judged.len() / 2];
+        tops.retain(|k| (1..judged.len()).contains(k));
+        tops.sort_unstable();
+        tops.dedup();
+        Self {
+            spearman: metrics::spearman(&judged, &taught),
+            kendall: metrics::kendall(&judged, &taught),
+            hit_rates: tops.into_iter().map(|k| (k, metrics::hit_rate(&judged, &taught, k))).collect(),
+        }
+    }
+
+    fn in_words(&self) -> String {
+        let Self { spearman, kendall, hit_rates } = self;
+        let mut said = format!(
+            "\nSpearman's rank correlation with the ranking: {spearman:.2}\nKendall's: {kendall:.2}\n"
+        );
+        for (k, rate) in hit_rates {
+            let share = tables::percent(*rate);
+            said += &format!("Of the ranking's first {k}, among the first {k} here: {share}\n");
+        }
+        said
+    }
+
+    fn hit_rates_json(&self) -> serde_json::Value {
+        self.hit_rates.iter().map(|(k, rate)| json!({ "k": k, "rate": rate })).collect()
+    }
 }
 
 fn table(mut alone: Vec<Alone>, unit: &str) -> String {

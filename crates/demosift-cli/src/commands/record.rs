@@ -289,7 +289,8 @@ fn train(
     (folder, progress): (&mut RunFolder, &mut Progress),
 ) -> Result<Vec<Stage>> {
     let start = || DemonstratorState::start(playground, training, &seed.of("start"));
-    let (state, mut keeping) = Keeping::begin(folder, progress, demonstrator::STAGE, "", start)?;
+    let (state, mut keeping) =
+        Keeping::begin((folder, progress), playground, demonstrator::STAGE, "", start)?;
     let stages = demonstrator::train(playground, training, state, seed, &mut keeping)?;
     keeping.finish("", &stages)?;
     Ok(stages)

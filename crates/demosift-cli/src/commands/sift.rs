@@ -4,16 +4,18 @@ use demosift::Result;
 use demosift::experiment::{self, Selection, Sifted};
 use serde_json::json;
 
-use super::kept_in;
+use super::{kept_in, select};
 use crate::arguments::JobArguments;
 use crate::job::Job;
 use crate::tables::by_variant;
 use crate::tables::judgment::{self, Judgment};
+use crate::tables::{costs, weights};
 use crate::{tables, terminal};
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = Job::open(arguments)?;
     let sifted = job.run(experiment::sift)?;
+    let (weighing, costs) = (select::weighing(&mut job)?, job.costs()?);
     let Sifted { scores, selection, from_subset, from_all, gain, .. } = &sifted;
     let Selection { ranking, uncertainty, subset } = selection;
     let beside = job.beside(sifted.data_only.clone());
@@ -24,6 +26,8 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
             "caveat": uncertainty.caveat(),
             "data_only": judgment::data_only_json(ranking, &beside.data_only),
             "kept": subset.demos,
+            "weighing": weighing,
+            "costs": costs::as_json(&costs),
             "from_subset": from_subset.outcome,
             "from_all": from_all.outcome,
             "gain": gain,
@@ -35,9 +39,11 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let judgment = Judgment { set: job.set(), ranking, uncertainty, unit: job.unit() };
     terminal::show(&judgment::ranking(&judgment, Some((subset, job.keep()))));
     terminal::show(&by_variant::gains(scores, job.variants(), job.unit()));
+    terminal::show(&weighing.map_or(String::new(), |weighing| format!("\n{}", weights::trends(&weighing))));
     terminal::show(&judgment::beside(ranking, &beside));
     terminal::show("\n");
     terminal::show(&tables::comparison(job.set(), from_subset, from_all, job.unit()));
+    terminal::show(&costs::played(&costs));
     terminal::show(&kept_in(job.folder()));
     Ok(())
 }

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use crate::own_heuristic::Beside;
 
-use super::{Scale, list, percent, table, wrapped};
+use super::{Scale, is_kept, list, percent, table, wrapped};
 
 /// What is shown of a judgment.
 pub(crate) struct Judgment<'a> {
@@ -52,7 +52,7 @@ pub(crate) fn ranking(judgment: &Judgment<'_>, kept: Option<(&Subset, Keep)>) ->
                 percent(doubt.top[k - 1]),
                 group(uncertainty, entry.demo),
             ];
-            row.extend(kept.map(|(subset, _)| is_kept(subset, entry.demo).to_owned()));
+            row.extend(kept.map(|(subset, _)| is_kept(&subset.demos, entry.demo).to_owned()));
             row
         })
         .collect();
@@ -63,10 +63,6 @@ pub(crate) fn ranking(judgment: &Judgment<'_>, kept: Option<(&Subset, Keep)>) ->
         scale.with_unit(before)
     );
     format!("{}\n\n{}{}", wrapped(&what), table(&header, &rows), remarks(judgment, kept))
-}
-
-fn is_kept(subset: &Subset, demo: DemoId) -> &'static str {
-    if subset.demos.contains(&demo) { "kept" } else { "-" }
 }
 
 /// The number of the group that a demonstration belongs to.
@@ -90,6 +86,10 @@ fn remarks(judgment: &Judgment<'_>, kept: Option<(&Subset, Keep)>) -> String {
     if let Some((subset, keep)) = kept {
         if keep == Keep::Auto {
             remarks.push(why_kept(uncertainty, subset));
+        }
+        if keep == Keep::Weights {
+            remarks
+                .push("Kept is what ended up heavy enough when the demonstrations were weighed.".to_owned());
         }
         remarks.extend(useless(ranking, subset));
     }

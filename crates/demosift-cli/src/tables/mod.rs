@@ -1,7 +1,9 @@
 //! Results as plain tables and sentences.
 
 pub(crate) mod by_variant;
+pub(crate) mod costs;
 pub(crate) mod judgment;
+pub(crate) mod weights;
 
 use demosift::demonstration::{DemoId, DemonstrationSet};
 use demosift::heuristic::Score;
@@ -94,6 +96,11 @@ pub(crate) fn policies(curves: &[(String, &LearningCurve)], unit: &str) -> Strin
         })
         .collect();
     table(&header, &rows)
+}
+
+/// What the column of the kept says of a demonstration.
+pub(crate) fn is_kept(kept: &[DemoId], demo: DemoId) -> &'static str {
+    if kept.contains(&demo) { "kept" } else { "-" }
 }
 
 pub(crate) fn yes_or_no(is_so: bool) -> String {

@@ -1,4 +1,4 @@
-//! Line 18 of Algorithm 1 by behavioral cloning: θ ← θ − β∇_θ Σ_i L_vi(f_θ'_i), Eq. 2 with the loss of §4.1.1.
+//! Line 18 of Algorithm 1 by behavioral cloning: θ ← θ − β∇_θ Σ_i c_i·L_vi(f_θ'_i), Eq. 2 with the loss of §4.1.1.
 //!
 //! The loss after adaptation is on the demonstration that was adapted to, as Eq. 2 has it.
 //! Its gradient is exact through all plain steps of the inner update ([`Order::Second`]), or taken at θ'_i and applied at
@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::{MetaState, MetaTraining, Order, Outcome};
+use super::{MetaState, MetaTraining, Order, Outcome, total_weight};
 use crate::adapt::InnerUpdate;
 use crate::behavioral_cloning::{Shown, descend, loss_and_gradient, pulled_back};
 use crate::error::{Error, Result};
@@ -27,10 +27,12 @@ pub(super) fn meta_update(
         .par_iter()
         .map(|outcome| meta_gradient(prior, outcome, &demonstrated[outcome.demo.0], (training.order, inner)))
         .collect();
-    let weight = 1.0 / outcomes.len() as f64;
-    let mut gradient = vec![0.0; prior.network_parameters().len()];
-    for (_, part) in &parts {
+    let total = total_weight(outcomes);
+    let (mut gradient, mut loss) = (vec![0.0; prior.network_parameters().len()], 0.0);
+    for ((part_loss, part), outcome) in parts.iter().zip(outcomes) {
+        let weight = outcome.weight / total;
         gradient.iter_mut().zip(part).for_each(|(sum, value)| *sum += weight as f32 * value);
+        loss += weight * part_loss;
     }
     if gradient.iter().any(|value| !value.is_finite()) {
         return Err(Error::diverged("the meta-gradient of the cloned policy is not a finite number"));
@@ -40,7 +42,6 @@ pub(super) fn meta_update(
     parameters.extend_from_slice(prior.log_std());
     state.prior.policy = Policy::from_parts(prior.network().clone(), parameters, prior.filter().clone());
     let norm = gradient.iter().map(|value| f64::from(*value).powi(2)).sum::<f64>().sqrt();
-    let loss = parts.iter().map(|(loss, _)| weight * loss).sum::<f64>();
     Ok(vec![("meta_loss", loss), ("meta_gradient_norm", norm)])
 }
 
@@ -79,6 +80,7 @@ mod tests {
     use crate::preset::Preset;
     use crate::rollout::Playground;
     use crate::seed::Seed;
+    use crate::weights::Weights;
 
     fn inner() -> InnerUpdate {
         let inner = Preset::Quick.config().inner;
@@ -94,8 +96,7 @@ mod tests {
     fn scene(set: &DemonstrationSet) -> (MetaState, Vec<Rows>, Vec<Outcome>) {
         let (inner, seed, task) = (inner(), Seed::new(2), PointMass::new());
         let shape = PolicyShape { hidden: vec![6], initial_std: 0.5 };
-        let information = Preset::Quick.config().mutual_information;
-        let mut state = MetaState::start(set, &shape, &[8], &information, &Seed::new(1));
+        let mut state = MetaState::start(set, &shape, &[8], None, &Seed::new(1));
         let count = state.prior.policy.parameters().len();
         let shift: Vec<f32> =
             crate::nn::check::normal(count, "shift").iter().map(|value| 0.3 * *value as f32).collect();
@@ -103,7 +104,8 @@ mod tests {
         let demonstrated = state.prior.demonstrated_pairs(set);
         let tasks: Vec<_> = set.ids().into_iter().map(|id| (id, EnvVariant(0))).collect();
         let playground = &Playground::new(&task);
-        let round = Round { prior: &state.prior, tasks: &tasks, playground, inner: &inner, seed: &seed };
+        let (prior, weights) = (&state.prior, &Weights::ones(set.len()));
+        let round = Round { prior, tasks: &tasks, weights, playground, inner: &inner, seed: &seed };
         let played = round.play(&demonstrated, None).expect("finite numbers");
         assert_eq!((played.environment_steps, playground.steps_taken()), (0, 0), "cloning plays nothing");
         assert_eq!(played.behavior_spread, None);

@@ -29,12 +29,10 @@ use crate::rollout::{self, Acting};
 use crate::seed::Seed;
 use crate::trpo::{self, TrustRegion};
 
-/// Whether and how adapted policies are regularized by mutual information.
+/// How adapted policies are regularized by mutual information, where the method asks for it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MutualInformation {
-    /// Whether they are; otherwise meta-training is plain MAML.
-    pub enabled: bool,
     /// Which trajectories are paid (Eq. 7: those before the update).
     pub paid: Paid,
     /// Which of their actions are credited (§4.2 reads as the first one; see reading 3 in `docs/paper.md`).

@@ -8,6 +8,7 @@ use crate::policy::{Policy, PolicyShape};
 use crate::preset::Preset;
 use crate::rollout::Playground;
 use crate::rows::Rows;
+use crate::weights::Weights;
 
 const BEARINGS: [f32; 3] = [0.0, 120.0, 240.0];
 
@@ -15,7 +16,7 @@ fn information() -> MutualInformation {
     let quick = Preset::Quick.config().mutual_information;
     let posterior =
         PosteriorFitting { lstm: 8, dense: 6, readings: 10, steps: 15, batch: 24, ..quick.posterior };
-    MutualInformation { enabled: true, batch_steps: 150, posterior, ..quick }
+    MutualInformation { batch_steps: 150, posterior, ..quick }
 }
 
 fn inner() -> InnerUpdate {
@@ -41,7 +42,8 @@ fn scene(how: &MutualInformation, goals: usize) -> Scene {
     let shape = PolicyShape { hidden: vec![6], initial_std: 0.5 };
     let prior = Learner::untrained(&set, &shape, &[8], &Seed::new(1));
     let tasks: Vec<_> = set.ids().into_iter().map(|id| (id, EnvVariant(id.0 % goals))).collect();
-    let round = Round { prior: &prior, tasks: &tasks, playground, inner: &inner, seed: &seed };
+    let weights = &Weights::ones(set.len());
+    let round = Round { prior: &prior, tasks: &tasks, weights, playground, inner: &inner, seed: &seed };
     let before = play_before(&round, "before", inner.episodes(30)).expect("finite numbers");
     let demonstrated = prior.demonstrated_pairs(&set);
     let mut imitators = super::super::imitate(&round, &before, &demonstrated).expect("finite numbers");

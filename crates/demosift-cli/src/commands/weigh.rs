@@ -1,0 +1,35 @@
+//! `demosift weigh`: MetaPrior → Weighing.
+
+use demosift::Result;
+use demosift::experiment::{self, Config};
+use serde_json::json;
+
+use super::kept_in;
+use crate::arguments::JobArguments;
+use crate::job::Job;
+use crate::tables::{costs, weights};
+use crate::terminal;
+
+pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
+    let check = |_: &_, config: &Config| experiment::check_has_weights(config.method);
+    let mut job = Job::open_checked(arguments, check)?;
+    let weighing = job.run(|run| {
+        let prior = experiment::prior(run)?;
+        experiment::weighing(run, &prior)
+    })?;
+    let costs = job.costs()?;
+    if arguments.run.json {
+        terminal::show_json(&json!({
+            "weighing": weighing,
+            "kept": weighing.demos,
+            "costs": costs::as_json(&costs),
+            "unit": job.unit(),
+            "run_folder": job.folder().path(),
+        }));
+        return Ok(());
+    }
+    terminal::show(&weights::trends(&weighing));
+    terminal::show(&costs::played(&costs));
+    terminal::show(&kept_in(job.folder()));
+    Ok(())
+}

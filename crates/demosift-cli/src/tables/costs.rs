@@ -1,0 +1,51 @@
+//! What the stages of a run cost in environment steps, beside the budget that all methods have.
+
+use demosift::method::Costs;
+use demosift::{judge, meta_train, pre_train, subset_selection};
+use serde_json::{Map, Value, json};
+
+use super::{table, wrapped};
+
+/// A stage a row.
+pub(crate) fn played(costs: &Costs) -> String {
+    if costs.spent.is_empty() {
+        return String::new();
+    }
+    let rows: Vec<Vec<String>> = costs
+        .spent
+        .iter()
+        .map(|(stage, spent)| vec![in_words(stage), spent.environment_steps.to_string()])
+        .collect();
+    let what = format!(
+        "What was played, in environment steps. Every method may spend {} on learning to imitate and judging; {} spent \
+         {} of them.",
+        costs.plan.quota,
+        costs.method,
+        costs.of_quota()
+    );
+    format!("\n{}\n\n{}", wrapped(&what), table(&["stage", "environment steps"], &rows))
+}
+
+pub(crate) fn as_json(costs: &Costs) -> Value {
+    let stages: Map<String, Value> =
+        costs.spent.iter().map(|(stage, spent)| (stage.clone(), json!(spent.environment_steps))).collect();
+    json!({
+        "method": costs.method,
+        "quota": costs.plan.quota,
+        "spent_of_quota": costs.of_quota(),
+        "environment_steps": stages,
+    })
+}
+
+fn in_words(stage: &str) -> String {
+    match stage {
+        meta_train::STAGE => "learning to imitate",
+        pre_train::STAGE => "imitating the entire set",
+        judge::STAGE => "judging",
+        subset_selection::STAGE => "weighing",
+        "imitate_subset" => "from scratch, the kept",
+        "imitate_all" => "from scratch, all",
+        other => other,
+    }
+    .to_owned()
+}
