@@ -6,6 +6,7 @@ pub mod baselines_npz;
 pub mod d4rl;
 mod detect;
 mod hdf5;
+pub mod inspection;
 pub mod imitation_npz;
 pub mod lerobot;
 pub mod minari;

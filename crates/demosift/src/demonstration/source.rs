@@ -203,6 +203,15 @@ fn read(path: &Path, format: Option<Format>, columns: &Columns) -> Result<Source
     }
 }
 
+/// The file or folder that holds the demonstrations, where `path` may be a folder around it.
+///
+/// # Errors
+/// As [`open`].
+pub fn located(path: &Path, format: Option<Format>) -> Result<PathBuf> {
+    let format = format.map_or_else(|| detect::format(path), Ok);
+    format.and_then(|format| detect::entry(path, format)).map_err(|error| error.at(path))
+}
+
 /// The demonstrations of a file or folder, checked.
 ///
 /// # Errors
