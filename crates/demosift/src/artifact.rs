@@ -8,11 +8,13 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use crate::adapt::Learner;
 use crate::data_only::DataOnly;
+use crate::demonstration::DemoId;
 use crate::demonstrator::Stage;
+use crate::environment::EnvVariant;
 use crate::error::{Error, Result};
 use crate::gail::Discriminator;
 use crate::imitate::{CurvePoint, LearningCurve};
-use crate::judge::ScoreTable;
+use crate::judge::{AdaptedPolicy, Judged, ScoreTable, Suitability};
 use crate::ledger::Ledger;
 use crate::method::Spent;
 use crate::nn::mlp::Mlp;
@@ -84,7 +86,6 @@ macro_rules! json_artifact {
 }
 
 json_artifact!(
-    ScoreTable => "scores.json",
     Ranking => "ranking.json",
     Uncertainty => "uncertainty.json",
     Subset => "subset.json",
@@ -103,10 +104,41 @@ impl Artifact for Spent {
     }
 }
 
+/// S of all as JSON, and beside it every adapted policy.
+impl Artifact for Judged {
+    fn keep(&self, ledger: &mut dyn Ledger, _: &str) -> Result<()> {
+        let tensors = self.adapted.iter().flat_map(|AdaptedPolicy { demo, variant, policy }| {
+            policy_tensors(&adapted_prefix(*variant, *demo), policy)
+        });
+        ledger.keep(ADAPTED, &write_tensors(&tensors.collect::<Vec<_>>()))?;
+        keep_json(ledger, "scores.json", &self.scores)
+    }
+
+    fn recall(ledger: &dyn Ledger, _: &str) -> Result<Option<Self>> {
+        let scores: Option<ScoreTable> = recall_json(ledger, "scores.json")?;
+        let (Some(scores), Some(bytes)) = (scores, ledger.recall(ADAPTED)?) else { return Ok(None) };
+        let tensors = Tensors::read(&bytes, ADAPTED)?;
+        let adapted = |of: &Suitability| {
+            let (demo, variant) = (of.demo, of.variant);
+            let policy = tensors.policy(&adapted_prefix(variant, demo))?;
+            Ok(AdaptedPolicy { demo, variant, policy })
+        };
+        let adapted = scores.suitabilities.iter().map(adapted).collect::<Result<_>>()?;
+        Ok(Some(Self { scores, adapted }))
+    }
+}
+
+const ADAPTED: &str = "adapted.safetensors";
+
+/// Under which names an adapted policy's tensors stand.
+fn adapted_prefix(variant: EnvVariant, demo: DemoId) -> String {
+    format!("variant_{}.demonstration_{demo}", variant.0)
+}
+
 /// θ with D_meta.
 impl Artifact for Learner {
     fn keep(&self, ledger: &mut dyn Ledger, _: &str) -> Result<()> {
-        let mut tensors = policy_tensors(&self.policy);
+        let mut tensors = policy_tensors(POLICY, &self.policy);
         tensors.extend(network_tensors(
             "discriminator",
             self.discriminator.network(),
@@ -118,7 +150,7 @@ impl Artifact for Learner {
     fn recall(ledger: &dyn Ledger, _: &str) -> Result<Option<Self>> {
         let Some(bytes) = ledger.recall(PRIOR)? else { return Ok(None) };
         let tensors = Tensors::read(&bytes, PRIOR)?;
-        let policy = tensors.policy()?;
+        let policy = tensors.policy(POLICY)?;
         let (network, parameters) = tensors.network("discriminator")?;
         let wanted = (policy.filter().observation_size() + policy.action_size(), 1);
         let found = (network.input_width(), network.output_width());
@@ -135,9 +167,12 @@ impl Artifact for Learner {
 
 const PRIOR: &str = "prior.safetensors";
 
+/// Under which prefix a file of one policy holds its tensors.
+const POLICY: &str = "policy";
+
 #[derive(Serialize, Deserialize)]
 struct CurveFile {
-    demos: Vec<crate::demonstration::DemoId>,
+    demos: Vec<DemoId>,
     points: Vec<CurvePoint>,
     outcome: CurvePoint,
 }
@@ -154,7 +189,7 @@ impl Artifact for LearningCurve {
         let name = format!("policy_{part}.safetensors");
         let file: Option<CurveFile> = recall_json(ledger, &format!("learning_curve_{part}.json"))?;
         let (Some(file), Some(bytes)) = (file, ledger.recall(&name)?) else { return Ok(None) };
-        let best = Tensors::read(&bytes, &name)?.policy()?;
+        let best = Tensors::read(&bytes, &name)?.policy(POLICY)?;
         Ok(Some(Self { demos: file.demos, points: file.points, outcome: file.outcome, best }))
     }
 }
@@ -176,12 +211,12 @@ pub const STAGES: &str = "stages.bin";
 /// A policy as safetensors: `policy.<layer>.weight` `[in, out]` and `.bias` `[out]`, `policy.log_std` `[act]`,
 /// `policy.observation_mean` and `policy.observation_std` `[obs]`.
 pub fn write_policy(policy: &Policy) -> Vec<u8> {
-    write_tensors(&policy_tensors(policy))
+    write_tensors(&policy_tensors(POLICY, policy))
 }
 
 /// A policy from the bytes of [`write_policy`]; `name` is for errors.
 pub fn read_policy(bytes: &[u8], name: &str) -> Result<Policy> {
-    Tensors::read(bytes, name)?.policy()
+    Tensors::read(bytes, name)?.policy(POLICY)
 }
 
 /// Under which name a stage's checkpoint is kept.
@@ -215,15 +250,15 @@ struct Tensor {
     values: Vec<f32>,
 }
 
-fn policy_tensors(policy: &Policy) -> Vec<Tensor> {
-    let mut tensors = network_tensors("policy", policy.network(), policy.network_parameters());
+fn policy_tensors(prefix: &str, policy: &Policy) -> Vec<Tensor> {
+    let mut tensors = network_tensors(prefix, policy.network(), policy.network_parameters());
     for (name, values) in [
         ("log_std", policy.log_std()),
         ("observation_mean", policy.filter().mean()),
         ("observation_std", policy.filter().std()),
     ] {
         tensors.push(Tensor {
-            name: format!("policy.{name}"),
+            name: format!("{prefix}.{name}"),
             shape: vec![values.len()],
             values: values.to_vec(),
         });
@@ -337,10 +372,11 @@ impl<'a> Tensors<'a> {
         Ok((Mlp::new(&widths), parameters))
     }
 
-    fn policy(&self) -> Result<Policy> {
-        let (network, mut parameters) = self.network("policy")?;
-        let vector = |tensor: &str, wanted: usize| {
-            let (_, values) = self.values(tensor)?;
+    fn policy(&self, prefix: &str) -> Result<Policy> {
+        let (network, mut parameters) = self.network(prefix)?;
+        let vector = |name: &str, wanted: usize| {
+            let tensor = format!("{prefix}.{name}");
+            let (_, values) = self.values(&tensor)?;
             if values.len() != wanted {
                 return Err(Error::bad_input(format!(
                     "{}: tensor '{tensor}' has {} numbers, and must have {wanted}",
@@ -350,9 +386,9 @@ impl<'a> Tensors<'a> {
             }
             Ok(values)
         };
-        parameters.extend(vector("policy.log_std", network.output_width())?);
-        let mean = vector("policy.observation_mean", network.input_width())?;
-        let std = vector("policy.observation_std", network.input_width())?;
+        parameters.extend(vector("log_std", network.output_width())?);
+        let mean = vector("observation_mean", network.input_width())?;
+        let std = vector("observation_std", network.input_width())?;
         Ok(Policy::from_parts(network, parameters, ObservationFilter::new(mean, std)))
     }
 }
@@ -386,7 +422,7 @@ mod tests {
 
     fn written(change: impl FnOnce(&mut Vec<Tensor>)) -> Vec<u8> {
         let Learner { policy, discriminator } = learner();
-        let mut tensors = policy_tensors(&policy);
+        let mut tensors = policy_tensors(POLICY, &policy);
         tensors.extend(network_tensors("discriminator", discriminator.network(), discriminator.parameters()));
         change(&mut tensors);
         write_tensors(&tensors)
@@ -406,6 +442,25 @@ mod tests {
         assert_eq!(bits(back.policy.parameters()), bits(learner.policy.parameters()));
         assert_eq!(bits(back.policy.filter().mean()), bits(learner.policy.filter().mean()));
         assert_eq!(bits(back.discriminator.parameters()), bits(learner.discriminator.parameters()));
+    }
+
+    #[test]
+    fn what_was_judged_comes_back_with_every_adapted_policy() {
+        let of = |demo: usize, shift: f32| {
+            let policy = learner().policy;
+            let moved = policy.moved(&vec![shift; policy.parameters().len()]);
+            let (demo, variant) = (DemoId(demo), EnvVariant(1));
+            let (before, after, distances) = (vec![0.5], vec![vec![0.1 + 0.2]], vec![3.25]);
+            let suitability = Suitability { demo, variant, before, after, distances, curves: vec![vec![]] };
+            (suitability, AdaptedPolicy { demo, variant, policy: moved })
+        };
+        let (suitabilities, adapted) = [of(0, 0.1), of(1, -0.2)].into_iter().unzip();
+        let judged = Judged { scores: ScoreTable { suitabilities }, adapted };
+        let mut ledger = InMemory::default();
+        judged.keep(&mut ledger, "").expect("memory");
+        assert_eq!(Judged::recall(&ledger, "").expect("readable"), Some(judged));
+        ledger.forget(ADAPTED).expect("memory");
+        assert_eq!(Judged::recall(&ledger, "").expect("readable"), None, "it is judged again");
     }
 
     #[test]
@@ -487,12 +542,7 @@ mod tests {
     #[test]
     fn json_nouns_come_back_and_bad_ones_are_told() {
         let ranking = Ranking {
-            entries: vec![Ranked {
-                demo: crate::demonstration::DemoId(3),
-                before: 0.1 + 0.2,
-                after: -1e-300,
-                score: f64::MAX,
-            }],
+            entries: vec![Ranked { demo: DemoId(3), before: 0.1 + 0.2, after: -1e-300, score: f64::MAX }],
         };
         let mut ledger = InMemory::default();
         assert_eq!(Ranking::recall(&ledger, "").expect("nothing is no error"), None);

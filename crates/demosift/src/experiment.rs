@@ -17,7 +17,7 @@ use crate::demonstrator::DemonstratorTraining;
 use crate::environment::Specification;
 use crate::error::{Error, Result};
 use crate::imitate::{self, Imitation, ImitationState, LearningCurve};
-use crate::judge::{self, Judging, ScoreTable};
+use crate::judge::{self, Judged, Judging, ScoreTable};
 use crate::ledger::Ledger;
 use crate::meta_train::{self, MetaState, MetaTraining, MutualInformation, Order};
 use crate::method::{self, Asked, Costs, Method, Plan, Spent};
@@ -406,18 +406,18 @@ fn pre_trained(run: &mut Run<'_>, untrained: Learner, seed: &Seed) -> Result<Met
 
 /// MetaPrior → ScoreTable.
 pub fn scores(run: &mut Run<'_>, prior: &MetaPrior) -> Result<ScoreTable> {
-    if let Some(table) = Artifact::recall(run.ledger, "")? {
-        return Ok(table);
+    if let Some(Judged { scores, .. }) = Artifact::recall(run.ledger, "")? {
+        return Ok(scores);
     }
     let judging = Judging { iterations: plan(run).iterations, ..run.config.judge.clone() };
     let Run { set, playground, config, ledger, observer } = run;
-    let start = || Ok(ScoreTable::default());
-    let (table, mut keeping) = Keeping::begin((*ledger, *observer), playground, judge::STAGE, "", start)?;
+    let start = || Ok(Judged::default());
+    let (judged, mut keeping) = Keeping::begin((*ledger, *observer), playground, judge::STAGE, "", start)?;
     let seed = Seed::new(config.seed).of("judge");
     let judging = (&judging, &config.inner);
-    let table = judge::judge(prior, set, playground, judging, table, (&seed, &mut keeping))?;
-    keeping.finish("", &table)?;
-    Ok(table)
+    let judged = judge::judge(prior, set, playground, judging, judged, (&seed, &mut keeping))?;
+    keeping.finish("", &judged)?;
+    Ok(judged.scores)
 }
 
 /// MetaPrior → Weighing: a subset by weights (Algorithm 3), with the trends of the weights.

@@ -6,8 +6,8 @@
 //! | Algorithm 2 | here |
 //! |---|---|
 //! | 1, 2: for all e_j, for all v_i | the loop in [`judge`] |
-//! | 3–10: adapt | [`adapt::adapt`] in [`judge_one`] |
-//! | 11: evaluate θ_ij for M random seeds | [`evaluate`] |
+//! | 3–10: adapt | [`adapt::adapt`] in [`Judge::adapt`] |
+//! | 11: evaluate θ_ij for M random seeds | [`Judge::evaluate`] |
 //! | 12: S = K(after) − K(before) (Eq. 8) | [`Suitability::score`] |
 //! | 14: i_opt (Eq. 9) | [`crate::select`] |
 //!
@@ -18,7 +18,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::adapt::{self, Course, InnerUpdate, MetaPrior, UpdateReport};
-use crate::demonstration::{DemoId, DemonstrationSet};
+use crate::adapted_behaviors;
+use crate::demonstration::{DemoId, Demonstration, DemonstrationSet};
 use crate::environment::{EnvVariant, Specification};
 use crate::error::Result;
 use crate::heuristic::Score;
@@ -27,6 +28,7 @@ use crate::policy::Policy;
 use crate::rollout::{self, Acting, Playground};
 use crate::rows::Rows;
 use crate::seed::Seed;
+use crate::trajectory::Trajectory;
 
 /// How demonstrations are judged.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,8 +58,30 @@ pub struct Suitability {
     pub before: Vec<Score>,
     /// K after adapting, one an evaluation seed, for each repeat, `[repeats][M]`.
     pub after: Vec<Vec<Score>>,
+    /// How far the adapted agent's evaluation episodes are from v_i (Table 1), one a repeat, `[repeats]`.
+    pub distances: Vec<f64>,
     /// The adaptation curves, `[repeats][iterations]`.
     pub curves: Vec<Vec<UpdateReport>>,
+}
+
+/// θ_ij: what came of imitating a demonstration under a variant, to be looked at.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AdaptedPolicy {
+    /// v_i.
+    pub demo: DemoId,
+    /// e_j.
+    pub variant: EnvVariant,
+    /// That of the first repeat, as it was evaluated.
+    pub policy: Policy,
+}
+
+/// What judging finds; while it goes on, what it has found so far.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Judged {
+    /// S of all.
+    pub scores: ScoreTable,
+    /// One a suitability, in the same order.
+    pub adapted: Vec<AdaptedPolicy>,
 }
 
 impl Suitability {
@@ -88,41 +112,53 @@ pub struct ScoreTable {
     pub suitabilities: Vec<Suitability>,
 }
 
+impl ScoreTable {
+    /// The adapted behaviors distance over the entire set (Table 1), the lower the better: how far from what was
+    /// demonstrated the adapted agents are, in the units of observations and actions; NaN of an empty table.
+    pub fn adapted_behaviors_distance(&self) -> f64 {
+        let distances: Vec<f64> = self.suitabilities.iter().map(|of| mean(&of.distances)).collect();
+        distances.iter().sum::<f64>() / distances.len() as f64
+    }
+}
+
 /// Name of the stage in events.
 pub const STAGE: &str = "judge";
 
-/// Algorithm 2, continued from the suitabilities that `table` already holds.
+/// Algorithm 2, continued from what `judged` already holds.
 pub fn judge(
     prior: &MetaPrior,
     set: &DemonstrationSet,
     playground: &Playground<'_>,
     (judging, inner): (&Judging, &InnerUpdate),
-    mut table: ScoreTable,
+    mut judged: Judged,
     (seed, observer): (&Seed, &mut dyn Observer),
-) -> Result<ScoreTable> {
+) -> Result<Judged> {
     let demonstrated = prior.demonstrated_pairs(set);
     let variants = playground.specification().variant_ids();
     let targets: Vec<(EnvVariant, DemoId)> = variants
         .into_iter()
         .flat_map(|variant| set.ids().into_iter().map(move |demo| (variant, demo)))
         .collect();
-    observer.on(Event::Started { stage: STAGE, done: table.suitabilities.len(), total: targets.len() });
-    for (variant, demo) in targets.iter().skip(table.suitabilities.len()) {
+    let done = judged.scores.suitabilities.len();
+    observer.on(Event::Started { stage: STAGE, done, total: targets.len() });
+    for (variant, demo) in targets.iter().skip(done) {
         let judge = Judge { playground, judging, inner, variant: *variant, seed: seed.at(variant.0) };
         // The meta-parameters are the same for all demonstrations under a variant, and so is their score.
-        let before = match table.suitabilities.last() {
+        let before = match judged.scores.suitabilities.last() {
             Some(last) if last.variant == *variant => last.before.clone(),
-            _ => judge.evaluate(&prior.policy)?,
+            _ => judge.score(&judge.evaluate(&prior.policy)?),
         };
-        let suitability = judge
-            .judge_one(prior, (*demo, &demonstrated[demo.0]), before)
+        let target = Target { demo: *demo, demonstration: set.get(*demo), pairs: &demonstrated[demo.0] };
+        let (suitability, policy) = judge
+            .judge_one(prior, &target, before)
             .map_err(|error| error.during(&format!("judging demonstration {demo}")))?;
         report(&suitability, observer);
-        table.suitabilities.push(suitability);
-        observer.on(Event::Advanced { stage: STAGE, done: table.suitabilities.len() });
-        observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &table });
+        judged.scores.suitabilities.push(suitability);
+        judged.adapted.push(AdaptedPolicy { demo: *demo, variant: *variant, policy });
+        observer.on(Event::Advanced { stage: STAGE, done: judged.scores.suitabilities.len() });
+        observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &judged });
     }
-    Ok(table)
+    Ok(judged)
 }
 
 /// Environment steps that judging so many demonstrations takes, where episodes last to the horizon.
@@ -142,34 +178,65 @@ struct Judge<'a> {
     seed: Seed,
 }
 
+/// The demonstration that is judged.
+struct Target<'a> {
+    demo: DemoId,
+    demonstration: &'a Demonstration,
+    /// Its pairs behind the agent's filter.
+    pairs: &'a Rows,
+}
+
+/// What came of one adaptation.
+struct Repeat {
+    policy: Policy,
+    scores: Vec<Score>,
+    distance: f64,
+    curve: Vec<UpdateReport>,
+}
+
 impl Judge<'_> {
     /// Lines 3 to 12 for one demonstration.
     fn judge_one(
         &self,
         prior: &MetaPrior,
-        (demo, demonstrated): (DemoId, &Rows),
+        target: &Target<'_>,
         before: Vec<Score>,
-    ) -> Result<Suitability> {
-        let repeats: Vec<_> = (0..self.judging.repeats)
-            .into_par_iter()
-            .map(|repeat| {
-                let Judging { iterations, averaged, .. } = *self.judging;
-                let course = Course { inner: self.inner, iterations, averaged };
-                let seed = self.seed.of("adapt").at(repeat);
-                let adapted =
-                    adapt::adapt(prior, &[demonstrated], self.playground, self.variant, &course, &seed)?;
-                Ok((self.evaluate(&adapted.learner.policy)?, adapted.curve))
-            })
-            .collect::<Result<_>>()?;
-        let (after, curves) = repeats.into_iter().unzip();
-        Ok(Suitability { demo, variant: self.variant, before, after, curves })
+    ) -> Result<(Suitability, Policy)> {
+        let repeats = (0..self.judging.repeats).into_par_iter();
+        let repeats: Vec<Repeat> =
+            repeats.map(|repeat| self.adapt(prior, target, repeat)).collect::<Result<_>>()?;
+        let policy = repeats.first().expect("judging repeats at least once").policy.clone();
+        let (mut after, mut distances, mut curves) = (Vec::new(), Vec::new(), Vec::new());
+        for Repeat { scores, distance, curve, .. } in repeats {
+            after.push(scores);
+            distances.push(distance);
+            curves.push(curve);
+        }
+        let (demo, variant) = (target.demo, self.variant);
+        Ok((Suitability { demo, variant, before, after, distances, curves }, policy))
     }
 
-    /// Line 11: K of a policy on the M evaluation seeds, which are the same for everybody.
-    fn evaluate(&self, policy: &Policy) -> Result<Vec<Score>> {
+    /// Lines 3 to 11 once.
+    fn adapt(&self, prior: &MetaPrior, target: &Target<'_>, repeat: usize) -> Result<Repeat> {
+        let Judging { iterations, averaged, .. } = *self.judging;
+        let course = Course { inner: self.inner, iterations, averaged };
+        let seed = self.seed.of("adapt").at(repeat);
+        let adapted = adapt::adapt(prior, &[target.pairs], self.playground, self.variant, &course, &seed)?;
+        let policy = adapted.learner.policy;
+        let played = self.evaluate(&policy)?;
+        let distance = adapted_behaviors::distance(target.demonstration, &played)?;
+        Ok(Repeat { scores: self.score(&played), distance, policy, curve: adapted.curve })
+    }
+
+    /// Line 11: a policy on the M evaluation seeds, which are the same for everybody.
+    fn evaluate(&self, policy: &Policy) -> Result<Vec<Trajectory>> {
         let seeds = self.seed.of("evaluate").many(self.judging.evaluations);
-        let trajectories = rollout::play(self.playground, policy, self.judging.acting, self.variant, seeds)?;
-        Ok(trajectories.iter().map(|played| self.playground.score(played)).collect())
+        rollout::play(self.playground, policy, self.judging.acting, self.variant, seeds)
+    }
+
+    /// K.
+    fn score(&self, played: &[Trajectory]) -> Vec<Score> {
+        played.iter().map(|played| self.playground.score(played)).collect()
     }
 }
 

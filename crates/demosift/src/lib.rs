@@ -43,6 +43,7 @@
 //! equations and algorithms in this documentation are those of that paper.
 
 pub mod adapt;
+pub mod adapted_behaviors;
 pub mod advantage;
 pub mod artifact;
 pub mod behavioral_cloning;

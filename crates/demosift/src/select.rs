@@ -149,6 +149,7 @@ mod tests {
             variant: EnvVariant(variant),
             before: vec![1.0, 3.0],
             after: vec![vec![after, after], vec![after, after]],
+            distances: Vec::new(),
             curves: Vec::new(),
         };
         ScoreTable { suitabilities: scores.iter().map(suitability).collect() }

@@ -37,7 +37,7 @@ use crate::adapt::{InnerUpdate, MetaPrior};
 use crate::demonstration::{DemoId, DemonstrationSet};
 use crate::error::Result;
 use crate::heuristic::Score;
-use crate::judge::{self, Judging, ScoreTable, Suitability};
+use crate::judge::{self, Judged, Judging, ScoreTable, Suitability};
 use crate::meta_train::{self, MetaState, MetaTraining, MutualInformation};
 use crate::observer::{Event, Observer};
 use crate::rollout::Playground;
@@ -210,7 +210,9 @@ fn assess(round: &Round<'_>, prior: &MetaPrior, observer: &mut dyn Observer) -> 
     let seed = round.seed.of("judge").at(round.number);
     let mut within = Within { observer, round: round.number };
     let listening = (&seed, &mut within as &mut dyn Observer);
-    judge::judge(prior, round.set, round.playground, (&few, inner), ScoreTable::default(), listening)
+    let judged =
+        judge::judge(prior, round.set, round.playground, (&few, inner), Judged::default(), listening)?;
+    Ok(judged.scores)
 }
 
 /// Line 6: Δ_i = (S_{v_i}|e_j by the spread of the scores under e_j), the mean over all e_j, `[n]`.

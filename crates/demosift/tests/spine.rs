@@ -106,6 +106,25 @@ fn planted_good_demonstrations_come_first() {
     }
 }
 
+/// More updates bring the agent nearer to each demonstration, the good and the bad.
+#[test]
+fn table_1_the_adapted_agent_is_nearer_to_what_it_imitated() {
+    let set = planted_set(&[180.0, 10.0, 120.0, -15.0], Seed::new(50)).unwrap();
+    let judged = |iterations: usize| {
+        let mut config = small(2);
+        config.judge.iterations = iterations;
+        scores(&set, &PointMass::new(), &config)
+    };
+    let (little, much) = (judged(1), judged(12));
+    for (little, much) in little.suitabilities.iter().zip(&much.suitabilities) {
+        assert_eq!((little.distances.len(), much.distances.len()), (2, 2), "one a repeat");
+        let nearer = little.distances.iter().zip(&much.distances).all(|(little, much)| much < little);
+        assert!(nearer, "{:?} became {:?}", little.distances, much.distances);
+    }
+    let mean = much.suitabilities.iter().flat_map(|of| &of.distances).sum::<f64>() / 8.0;
+    assert!((much.adapted_behaviors_distance() - mean).abs() < 1e-12);
+}
+
 fn permuted(set: &DemonstrationSet, permutation: &[usize]) -> DemonstrationSet {
     let demonstrations = permutation.iter().map(|id| set.get(DemoId(*id)).clone()).collect();
     DemonstrationSet::new(demonstrations).unwrap()

@@ -25,6 +25,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     if arguments.run.json {
         terminal::show_json(&json!({
             "scores": scores,
+            "adapted_behaviors_distance": scores.adapted_behaviors_distance(),
             "uncertainty": uncertainty,
             "caveat": uncertainty.caveat(),
             "data_only": judgment::data_only_json(&ranking, &beside.data_only),
@@ -38,6 +39,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
         Judgment { set: job.set(), ranking: &ranking, uncertainty: &uncertainty, unit: job.unit() };
     terminal::show(&judgment::ranking(&judgment, None));
     terminal::show(&by_variant::gains(&scores, job.variants(), job.unit()));
+    terminal::show(&judgment::distance(&scores));
     terminal::show(&judgment::beside(&ranking, &beside));
     terminal::show(&costs::played(&costs));
     terminal::show(&kept_in(job.folder()));

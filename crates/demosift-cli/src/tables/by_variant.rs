@@ -55,6 +55,7 @@ mod tests {
                     variant: EnvVariant(variant),
                     before: vec![-1.0],
                     after: vec![vec![gain - 1.0]],
+                    distances: Vec::new(),
                     curves: Vec::new(),
                 });
             }

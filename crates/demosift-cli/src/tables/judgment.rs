@@ -2,6 +2,7 @@
 
 use demosift::data_only::DataOnly;
 use demosift::demonstration::{DemoId, DemonstrationSet};
+use demosift::judge::ScoreTable;
 use demosift::metrics;
 use demosift::select::{Keep, Ranking, Subset};
 use demosift::uncertainty::Uncertainty;
@@ -63,6 +64,15 @@ pub(crate) fn ranking(judgment: &Judgment<'_>, kept: Option<(&Subset, Keep)>) ->
         scale.with_unit(before)
     );
     format!("{}\n\n{}{}", wrapped(&what), table(&header, &rows), remarks(judgment, kept))
+}
+
+/// How well the demonstrations were imitated, whatever that did for the task.
+pub(crate) fn distance(scores: &ScoreTable) -> String {
+    let what = format!(
+        "Adapted behaviors distance, the mean over the demonstrations (the lower, the better they were imitated): {:.3}",
+        scores.adapted_behaviors_distance()
+    );
+    format!("\n{}\n", wrapped(&what))
 }
 
 /// The number of the group that a demonstration belongs to.

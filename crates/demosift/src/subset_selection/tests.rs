@@ -18,6 +18,7 @@ fn suitability(variant: usize, demo: usize, before: &[f64], after: &[f64]) -> Su
         variant: EnvVariant(variant),
         before: before.to_vec(),
         after: vec![after.to_vec()],
+        distances: Vec::new(),
         curves: Vec::new(),
     }
 }

@@ -9,6 +9,7 @@ fn table(after: &[Vec<Vec<f64>>]) -> ScoreTable {
         variant: EnvVariant(0),
         before: vec![0.0; after[0].len()],
         after: after.clone(),
+        distances: Vec::new(),
         curves: Vec::new(),
     };
     ScoreTable { suitabilities: after.iter().enumerate().map(suitability).collect() }

@@ -25,7 +25,7 @@ use crate::trajectory::Trajectory;
 ///
 /// # Errors
 /// Bad input if there is no episode, or if sizes differ.
-pub fn adapted_behaviors_distance(demonstration: &Demonstration, played: &[Trajectory]) -> Result<f64> {
+pub fn distance(demonstration: &Demonstration, played: &[Trajectory]) -> Result<f64> {
     if played.is_empty() {
         return Err(Error::bad_input(
             "the adapted behaviors distance needs at least one episode of the agent",
@@ -33,12 +33,12 @@ pub fn adapted_behaviors_distance(demonstration: &Demonstration, played: &[Traje
     }
     let mut sum = 0.0;
     for trajectory in played {
-        sum += distance(demonstration, trajectory)?;
+        sum += distance_of_one(demonstration, trajectory)?;
     }
     Ok(sum / played.len() as f64)
 }
 
-fn distance(demonstration: &Demonstration, played: &Trajectory) -> Result<f64> {
+fn distance_of_one(demonstration: &Demonstration, played: &Trajectory) -> Result<f64> {
     let wanted = (demonstration.observations().width(), demonstration.actions().width());
     let found = (played.observations().width(), played.actions().width());
     if found != wanted {
@@ -90,21 +90,21 @@ mod tests {
         let demonstration =
             Demonstration::new(rows(&[0.0, 0.0, 1.0, 1.0], 2), rows(&[0.5, -1.0], 1)).unwrap();
         let one = played(&[3.0, 4.0, 1.0, 1.0, 9.0, 9.0], &[-0.5, 1.0]);
-        assert_eq!(adapted_behaviors_distance(&demonstration, std::slice::from_ref(&one)).unwrap(), 4.0);
+        assert_eq!(distance(&demonstration, std::slice::from_ref(&one)).unwrap(), 4.0);
         // The same behavior is 0 away, and two episodes count their mean.
         let same = played(&[0.0, 0.0, 1.0, 1.0, 7.0, 7.0], &[0.5, -1.0]);
-        assert_eq!(adapted_behaviors_distance(&demonstration, &[one, same]).unwrap(), 2.0);
+        assert_eq!(distance(&demonstration, &[one, same]).unwrap(), 2.0);
         // An episode that ends early is compared as far as it goes.
         let short = played(&[3.0, 4.0, 0.0, 0.0], &[-0.5]);
-        assert_eq!(adapted_behaviors_distance(&demonstration, &[short]).unwrap(), 6.0);
+        assert_eq!(distance(&demonstration, &[short]).unwrap(), 6.0);
     }
 
     #[test]
     fn no_episode_or_another_size_is_told() {
         let demonstration = Demonstration::new(rows(&[0.0], 1), rows(&[0.5], 1)).unwrap();
-        assert!(adapted_behaviors_distance(&demonstration, &[]).unwrap_err().is_bad_input());
+        assert!(distance(&demonstration, &[]).unwrap_err().is_bad_input());
         let other = played(&[0.0; 4], &[0.0]);
-        let error = adapted_behaviors_distance(&demonstration, &[other]).unwrap_err();
+        let error = distance(&demonstration, &[other]).unwrap_err();
         assert!(error.to_string().contains("has 1 observations and 1 actions a step"), "{error}");
     }
 }
