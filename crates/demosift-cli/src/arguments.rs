@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use demosift::method::Method;
 use demosift::demonstration::source::Format;
+use demosift::method::Method;
 use demosift::preset::Preset;
 use demosift::select::Keep;
 

@@ -48,8 +48,9 @@ pub(crate) fn open_unchecked(
     recorded: Option<&Data>,
 ) -> Result<(Source, PathBuf)> {
     let given = given.or(recorded.map(|data| data.path.as_path())).ok_or_else(|| {
-        Error::bad_input("no demonstrations are given")
-            .with_hint("give the path of a file or folder of demonstrations; docs/formats.md lists the formats")
+        Error::bad_input("no demonstrations are given").with_hint(
+            "give the path of a file or folder of demonstrations; docs/formats.md lists the formats",
+        )
     })?;
     let columns = match recorded {
         Some(data) if how.columns().are_usual() => data.columns.clone(),

@@ -9,7 +9,7 @@ use demosift::method::{Costs, Method};
 use demosift::preset::Preset;
 use demosift::rollout::Playground;
 use demosift::select::Keep;
-use demosift::{Error, Result, files};
+use demosift::{Error, Result};
 use toml::Table;
 
 use crate::arguments::{JobArguments, PresetName, RunArguments};

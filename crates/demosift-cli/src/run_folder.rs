@@ -13,7 +13,7 @@ use toml::Table;
 use crate::configuration;
 
 const RUN: &str = "run.json";
-const RESOLVED: &str = "resolved.toml";
+pub(crate) const RESOLVED: &str = "resolved.toml";
 
 /// What a run depends on besides its configuration; kept in `run.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -188,13 +188,11 @@ fn remove_partial(folder: &Path) -> Result<()> {
 fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Result<()> {
     let sha256 = |identity: &Identity| identity.data.as_ref().map(|data| data.sha256.clone());
     let old = &begun.identity;
-    let columns = |identity: &Identity| {
-        match (&identity.data, &old.data) {
-            (Some(data), Some(Data { format: Some(_), .. })) => {
-                format!("{} and {}", data.columns.observations.join(","), data.columns.actions.join(","))
-            }
-            _ => String::new(),
+    let columns = |identity: &Identity| match (&identity.data, &old.data) {
+        (Some(data), Some(Data { format: Some(_), .. })) => {
+            format!("{} and {}", data.columns.observations.join(","), data.columns.actions.join(","))
         }
+        _ => String::new(),
     };
     let text = |value: Option<String>| value.unwrap_or_else(|| "none".to_owned());
     let pairs = [

@@ -35,6 +35,14 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
 /// # Errors
 /// `is_bad_input` if there is something at `folder` already; `is_io` if a byte could not be written.
 pub fn write_folder(folder: &Path, contents: &[(&str, Vec<u8>)]) -> Result<()> {
+    write_folder_by(folder, |partial| fill(partial, contents))
+}
+
+/// The same where `fill` writes the files itself, into a folder of another name.
+///
+/// # Errors
+/// As [`write_folder`], and those of `fill`.
+pub fn write_folder_by(folder: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     if folder.exists() {
         return Err(Error::bad_input(
             "there is something of this name already; wanted the name of a new folder",
@@ -42,7 +50,11 @@ pub fn write_folder(folder: &Path, contents: &[(&str, Vec<u8>)]) -> Result<()> {
         .at(folder));
     }
     let partial = partial_path(folder)?;
-    let written = fill(&partial, contents).and_then(|()| {
+    if partial.exists() {
+        fs::remove_dir_all(&partial)
+            .map_err(|source| Error::io("cannot remove what is left of a write", &partial, &source))?;
+    }
+    let written = fill(&partial).and_then(|()| {
         fs::rename(&partial, folder).map_err(|source| Error::io("cannot write", folder, &source))
     });
     if written.is_err() {
@@ -53,10 +65,6 @@ pub fn write_folder(folder: &Path, contents: &[(&str, Vec<u8>)]) -> Result<()> {
 }
 
 fn fill(folder: &Path, contents: &[(&str, Vec<u8>)]) -> Result<()> {
-    if folder.exists() {
-        fs::remove_dir_all(folder)
-            .map_err(|source| Error::io("cannot remove what is left of", folder, &source))?;
-    }
     for (name, bytes) in contents {
         let path = folder.join(name);
         let parent = path.parent().unwrap_or(folder);

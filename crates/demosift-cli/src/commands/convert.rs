@@ -55,7 +55,11 @@ fn name_of(out: &Path) -> String {
 }
 
 /// The demonstrations of these places in the set, with their states where there are any.
-pub(super) fn chosen(source: &Source, states: Option<&[StateLog]>, ids: &[usize]) -> (Vec<Episode>, Option<Vec<StateLog>>) {
+pub(super) fn chosen(
+    source: &Source,
+    states: Option<&[StateLog]>,
+    ids: &[usize],
+) -> (Vec<Episode>, Option<Vec<StateLog>>) {
     let episodes = ids.iter().map(|&id| source.episodes[id].clone()).collect();
     (episodes, states.map(|states| ids.iter().map(|&id| states[id].clone()).collect()))
 }

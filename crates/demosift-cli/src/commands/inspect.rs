@@ -112,7 +112,8 @@ fn columns(seen: &Inspection) -> String {
         for (index, spread) in spreads.iter().enumerate() {
             let remarks = remarks(spread, bounded);
             if few || bounded || !remarks.is_empty() {
-                let number = |value: Option<f32>| value.map_or("none".to_owned(), |value| format!("{value:.4}"));
+                let number =
+                    |value: Option<f32>| value.map_or("none".to_owned(), |value| format!("{value:.4}"));
                 rows.push(vec![
                     format!("{what} {index}"),
                     number(spread.least),

@@ -23,9 +23,14 @@ use crate::demonstration::source::{Columns, Episode, Format, Source, side_by_sid
 use crate::error::{Error, Result};
 use crate::rows::Rows;
 
+mod subset;
 mod writing;
 
+pub use subset::write_subset;
 pub use writing::write;
+
+/// What a data set says of itself.
+const METADATA: &str = "metadata.json";
 
 /// Nesting of spaces that is followed; nobody nests deeper.
 const DEEPEST: usize = 8;

@@ -6,13 +6,14 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
 use parquet::basic::Type as Physical;
-use parquet::column::page::PageReader;
 use parquet::column::reader::{ColumnReaderImpl, get_typed_column_reader};
 use parquet::data_type::{BoolType, DataType, DoubleType, FloatType, Int32Type, Int64Type};
 use parquet::errors::ParquetError;
-use parquet::file::reader::{FileReader as _, SerializedFileReader};
+use parquet::file::metadata::ColumnChunkMetaData;
+use parquet::file::reader::{ChunkReader as _, FileReader as _, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
+use crate::demonstration::parquet_pages;
 use crate::demonstration::source::side_by_side;
 use crate::error::{Error, Result};
 use crate::rows::Rows;
@@ -26,6 +27,7 @@ const BATCH: usize = 4096;
 
 /// An open file.
 pub(super) struct Table {
+    file: File,
     reader: SerializedFileReader<File>,
     most_numbers: u64,
 }
@@ -70,7 +72,8 @@ impl Table {
         let file = File::open(path).map_err(failed)?;
         let file_len = file.metadata().map_err(failed)?.len();
         let most_numbers = file_len.saturating_mul(MOST_NUMBERS_A_BYTE).max(FEW_NUMBERS);
-        let reader = SerializedFileReader::new(file).map_err(|source| damaged(source).at(path))?;
+        let same = file.try_clone().map_err(failed)?;
+        let reader = SerializedFileReader::new(same).map_err(|source| damaged(source).at(path))?;
         for group in reader.metadata().row_groups() {
             for column in group.columns() {
                 let (start, len) = (
@@ -91,7 +94,7 @@ impl Table {
                 }
             }
         }
-        Ok(Self { reader, most_numbers })
+        Ok(Self { file, reader, most_numbers })
     }
 
     /// Whether there is such a column.
@@ -191,8 +194,7 @@ impl Table {
         let mut column = Column { values: Vec::new(), width: 0 };
         for group in 0..self.reader.num_row_groups() {
             let group = self.reader.get_row_group(group).map_err(damaged)?;
-            let claimed = u64::try_from(group.metadata().column(index).num_values()).unwrap_or(0);
-            self.check_pages(group.get_column_page_reader(index).map_err(damaged)?, name, claimed)?;
+            self.check_pages(group.metadata().column(index), name)?;
             let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
             let descriptor = group.metadata().column(index).column_descr_ptr();
             let reader = get_typed_column_reader::<T>(group.get_column_reader(index).map_err(damaged)?);
@@ -208,20 +210,18 @@ impl Table {
         Ok(column)
     }
 
-    /// Refuses pages that hold more numbers than their column claims, before their levels are decoded: a run of a few bytes may
-    /// claim billions.
-    fn check_pages(&self, mut pages: Box<dyn PageReader>, name: &str, claimed: u64) -> Result<()> {
-        let mut found = 0;
-        while let Some(page) = pages.get_next_page().map_err(damaged)? {
-            found += if page.is_data_page() { u64::from(page.num_values()) } else { 0 };
-            if found > claimed || u64::from(page.num_values()) > self.most_numbers {
-                return Err(Error::bad_input(format!(
-                    "the parquet file is damaged: column '{name}' claims {claimed} numbers, and its pages more"
-                ))
-                .with_hint("was it copied or downloaded completely?"));
-            }
+    /// Refuses pages that claim more than they can hold, before the decoder believes them.
+    fn check_pages(&self, column: &ColumnChunkMetaData, name: &str) -> Result<()> {
+        let (start, len) = column.byte_range();
+        let chunk = self.file.get_bytes(start, usize::try_from(len).unwrap_or(0)).map_err(damaged)?;
+        let claimed = u64::try_from(column.num_values()).unwrap_or(0);
+        match parquet_pages::claims(&chunk) {
+            Some(claims) if claims.values <= claimed && claims.most_values <= self.most_numbers => Ok(()),
+            _ => Err(Error::bad_input(format!(
+                "the parquet file is damaged: the pages of column '{name}' claim more than they can hold"
+            ))
+            .with_hint("was it copied or downloaded completely?")),
         }
-        Ok(())
     }
 }
 

@@ -13,7 +13,7 @@
 
 use std::path::Path;
 
-use hdf5_pure::{DType, Group};
+use hdf5_pure::{DType, File, Group};
 
 use crate::demonstration::hdf5::{self, damaged, find_below, find_group};
 use crate::demonstration::source::{Columns, Episode, Format, Source, side_by_side, trailing_number};
@@ -120,4 +120,43 @@ fn last_observation(group: &Group, names: &[String], file_len: u64) -> Result<Op
         row.extend_from_slice(table.row(table.len() - 1));
     }
     Ok(Some(row))
+}
+
+/// Adds a filter key to the file: a named subset, which robomimic trains on if asked for it by name.
+///
+/// This is the only thing here that changes a file of the user's, and it changes nothing else in it.
+///
+/// # Errors
+/// `is_bad_input` if the file has a key of this name already, or cannot be edited.
+pub fn add_filter_key(path: &Path, name: &str, labels: &[String]) -> Result<()> {
+    add_key(path, name, labels).map_err(|error| error.at(path))
+}
+
+fn add_key(path: &Path, name: &str, labels: &[String]) -> Result<()> {
+    if name.is_empty() || name.contains('/') {
+        return Err(Error::bad_input(format!(
+            "'{name}' is no name of a filter key; wanted a word without '/'"
+        )));
+    }
+    let file = File::open_rw(path).map_err(damaged)?;
+    let root = file.root();
+    match find_group(&root, "mask")? {
+        Some(mask) if mask.datasets().map_err(damaged)?.iter().any(|known| known == name) => {
+            return Err(Error::bad_input(format!(
+                "there is a filter key '{name}' already; wanted another name"
+            )));
+        }
+        Some(_) => {}
+        None => {
+            root.create_group_with("mask", |_| {}).map_err(damaged)?;
+        }
+    }
+    let labels: Vec<&str> = labels.iter().map(String::as_str).collect();
+    let mut encoded = Ok(());
+    root.create_dataset(&format!("mask/{name}"), |dataset| {
+        encoded = dataset.with_ascii_strings(&labels).map(|_| ());
+    })
+    .map_err(damaged)?;
+    encoded.map_err(|source| Error::bad_input(format!("the names cannot be stored: {source}")))?;
+    file.commit().map_err(damaged)
 }
