@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use demosift::demonstration::DemonstrationSet;
 use demosift::demonstration::source::{self, Columns, Source};
-use demosift::{Error, Result, files};
+use demosift::{Error, Result};
 
 use crate::arguments::SourceArguments;
 use crate::run_folder::Data;
@@ -21,7 +21,7 @@ impl Demonstrations {
     pub(crate) fn data(&self) -> Result<Data> {
         let format = self.source.format;
         Ok(Data {
-            sha256: files::sha256(&source::files(&self.path, Some(format))?)?,
+            sha256: source::sha256(&self.source, &self.path)?,
             path: std::fs::canonicalize(&self.path)
                 .map_err(|error| Error::io("cannot find", &self.path, &error))?,
             format: Some(format),

@@ -35,14 +35,6 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
 /// # Errors
 /// `is_bad_input` if there is something at `folder` already; `is_io` if a byte could not be written.
 pub fn write_folder(folder: &Path, contents: &[(&str, Vec<u8>)]) -> Result<()> {
-    write_folder_by(folder, |partial| fill(partial, contents))
-}
-
-/// The same where `fill` writes the files itself, into a folder of another name.
-///
-/// # Errors
-/// As [`write_folder`], and those of `fill`.
-pub fn write_folder_by(folder: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     if folder.exists() {
         return Err(Error::bad_input(
             "there is something of this name already; wanted the name of a new folder",
@@ -54,7 +46,7 @@ pub fn write_folder_by(folder: &Path, fill: impl FnOnce(&Path) -> Result<()>) ->
         fs::remove_dir_all(&partial)
             .map_err(|source| Error::io("cannot remove what is left of a write", &partial, &source))?;
     }
-    let written = fill(&partial).and_then(|()| {
+    let written = fill(&partial, contents).and_then(|()| {
         fs::rename(&partial, folder).map_err(|source| Error::io("cannot write", folder, &source))
     });
     if written.is_err() {
@@ -92,7 +84,16 @@ pub fn sha256(paths: &[PathBuf]) -> Result<String> {
             hash.update(&block[..len]);
         }
     }
-    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(hexadecimal(&hash.finalize()))
+}
+
+/// SHA-256 of bytes, as hexadecimal digits.
+pub fn sha256_of(bytes: &[u8]) -> String {
+    hexadecimal(&Sha256::digest(bytes))
+}
+
+fn hexadecimal(digest: &[u8]) -> String {
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Where the bytes wait until they are complete: the same folder, since a rename does not cross file systems.

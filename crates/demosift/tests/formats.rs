@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use demosift::demonstration::source::{self, Columns, Format, Source};
-use demosift::demonstration::{self, lerobot, minari};
+use demosift::demonstration::{self, lerobot, minari, robomimic};
 use demosift::error::Error;
 use demosift::trajectory::StateLog;
 
@@ -211,7 +211,7 @@ fn damage_anywhere_is_an_error_or_harmless_but_never_a_panic() {
         let path = scratch.copy(name);
         for file in source::files(&path, Some(format)).unwrap() {
             let whole = fs::read(&file).unwrap();
-            for len in (0..whole.len()).step_by(whole.len() / 60 + 1) {
+            for len in (0..whole.len()).step_by(whole.len() / 40 + 1) {
                 fs::write(&file, &whole[..len]).unwrap();
                 check(
                     source::open(&path, Some(format), &Columns::default()),
@@ -220,7 +220,7 @@ fn damage_anywhere_is_an_error_or_harmless_but_never_a_panic() {
                 check(read(&path), &format!("{name} cut at {len}"));
             }
             for (at, flip) in
-                (0..whole.len()).step_by(whole.len() / 2500 + 1).zip([0xff, 0x01, 0x80, 0x10].iter().cycle())
+                (0..whole.len()).step_by(whole.len() / 900 + 1).zip([0xff, 0x01, 0x80, 0x10].iter().cycle())
             {
                 let mut bytes = whole.clone();
                 bytes[at] ^= flip;
@@ -281,4 +281,43 @@ fn what_is_written_is_read_again() {
         assert_eq!(shorter.observations, episode.observations.head(steps));
         assert_eq!(shorter.last_observation.as_deref(), Some(episode.observations.row(steps)));
     }
+}
+
+#[test]
+fn a_filter_key_is_all_that_changes_in_a_robomimic_file() {
+    let scratch = Scratch::new("key");
+    let path = scratch.copy("robomimic.hdf5");
+    let before = read(&path).unwrap();
+    let hash = source::sha256(&before, &path).unwrap();
+    let labels = ["demo_0".to_owned(), "demo_2".to_owned()];
+    robomimic::add_filter_key(&path, "demosift", &labels).unwrap();
+    robomimic::add_filter_key(&path, "second", &labels[1..]).unwrap();
+    let after = read(&path).unwrap();
+    assert_eq!(after, before);
+    assert_eq!(source::sha256(&after, &path).unwrap(), hash, "a run on this file can go on");
+    let file = hdf5_pure::File::open(&path).unwrap();
+    assert_eq!(file.dataset("mask/demosift").unwrap().read_string().unwrap(), labels);
+    assert_eq!(file.dataset("mask/second").unwrap().read_string().unwrap(), labels[1..]);
+    let once_more = robomimic::add_filter_key(&path, "demosift", &labels).unwrap_err();
+    assert_says(&once_more, &["'demosift' already", "another name", "robomimic.hdf5"]);
+    assert_says(&robomimic::add_filter_key(&path, "a/b", &labels).unwrap_err(), &["'a/b'", "without '/'"]);
+}
+
+#[test]
+fn a_minari_subset_holds_all_that_the_original_does() {
+    let scratch = Scratch::new("subset");
+    let path = scratch.0.join("subset");
+    let original = fixture("minari_hdf5/data/main_data.hdf5");
+    minari::write_subset(&path, &original, &["0".to_owned(), "2".to_owned()], "demosift/test-v0").unwrap();
+    let (whole, subset) = (read(&original).unwrap(), read(&path).unwrap());
+    for (place, kept) in [0, 2].into_iter().enumerate() {
+        assert_eq!(subset.episodes[place].label, place.to_string());
+        assert_eq!(subset.episodes[place].actions, whole.episodes[kept].actions);
+    }
+    let file = hdf5_pure::File::open(path.join("data/main_data.hdf5")).unwrap();
+    assert_eq!(file.dataset("episode_1/rewards").unwrap().read_f64().unwrap(), vec![2.0; 5]);
+    let error =
+        minari::write_subset(&scratch.0.join("none"), &original, &["7".to_owned()], "x-v0").unwrap_err();
+    assert!(error.is_bad_input(), "{error}");
+    assert_eq!(fs::read_dir(&scratch.0).unwrap().count(), 1, "nothing is left of what failed");
 }

@@ -10,6 +10,9 @@ use crate::rows::Rows;
 /// Deflate cannot shrink bytes further than this (its longest match costs at least two bits).
 pub(super) const MOST_COMPRESSION: u64 = 1032;
 
+/// Larger files, such as those with pictures in them, are read piece by piece.
+const MOST_IN_MEMORY: u64 = 1 << 28;
+
 /// An open file, and how many bytes it has.
 pub(super) struct Opened {
     pub(super) file: File,
@@ -22,7 +25,9 @@ pub(super) struct Opened {
 /// `is_bad_input` if this is no HDF5 file; `is_io` if it may not be read.
 pub(super) fn open(path: &Path) -> Result<Opened> {
     let file_len = length_of(path)?;
-    Ok(Opened { file: File::open_streaming(path).map_err(damaged)?, file_len })
+    // A streamed file is asked for as many bytes as a damaged header claims before its end is seen; a file in memory is not.
+    let file = if file_len <= MOST_IN_MEMORY { File::open(path) } else { File::open_streaming(path) };
+    Ok(Opened { file: file.map_err(damaged)?, file_len })
 }
 
 /// The file's length in bytes.

@@ -13,6 +13,7 @@ use crate::demonstration::{
     Demonstration, DemonstrationSet, baselines_npz, d4rl, detect, imitation_npz, lerobot, minari, robomimic,
 };
 use crate::error::{Error, Result};
+use crate::files;
 use crate::rows::Rows;
 
 /// A tool's way to store demonstrations; `docs/formats.md` tells each apart from the others.
@@ -232,6 +233,25 @@ pub fn files(path: &Path, format: Option<Format>) -> Result<Vec<PathBuf>> {
         Format::MinariParquet => minari::parquet_files(&entry),
         _ => Ok(vec![entry]),
     }
+}
+
+/// SHA-256 of the demonstrations, as hexadecimal digits: of the files that hold them, or of what was read where the file also
+/// holds what is not of them, such as the filter keys of robomimic.
+///
+/// # Errors
+/// `is_io` if a file cannot be read.
+pub fn sha256(source: &Source, path: &Path) -> Result<String> {
+    if source.format != Format::Robomimic {
+        return files::sha256(&self::files(path, Some(source.format))?);
+    }
+    let mut bytes = Vec::new();
+    for episode in &source.episodes {
+        bytes.extend(format!("{} {}\n", episode.label, episode.actions.len()).into_bytes());
+        for rows in [&episode.observations, &episode.actions] {
+            bytes.extend(rows.flat().iter().flat_map(|value| value.to_le_bytes()));
+        }
+    }
+    Ok(files::sha256_of(&bytes))
 }
 
 /// Tables side by side: one row of each makes a row.

@@ -1,6 +1,7 @@
 """Writes the small files of this folder, each by the tool whose format it is.
 
-    python make.py TOOL [...]      with TOOL one of those below
+    python make.py TOOL [...]                          with TOOL one of those below
+    python make.py robomimic-of-minari FOLDER FILE     for check.py
 
 Each tool needs its own package; they do not all install beside each other.
 The versions that made the files here stand in docs/formats.md.
@@ -133,6 +134,20 @@ def baselines(name):
     )
 
 
+def robomimic_of_minari(source, path):
+    """A robomimic file of a Minari data set, to try filter keys on a set of any task."""
+    import h5py
+
+    with h5py.File(pathlib.Path(source) / "data/main_data.hdf5") as old, h5py.File(path, "w") as new:
+        for i in range(len(old)):
+            episode, group = old[f"episode_{i}"], new.create_group(f"data/demo_{i}")
+            group.create_dataset("actions", data=episode["actions"][:])
+            group.create_dataset("obs/flat", data=episode["observations"][:-1])
+            group.attrs["num_samples"] = len(episode["actions"])
+        new["data"].attrs["total"] = sum(group.attrs["num_samples"] for group in new["data"].values())
+        new["data"].attrs["env_args"] = "{}"
+
+
 TOOLS = {
     "lerobot-v3": lambda: lerobot("lerobot_v3"),
     "lerobot-v2": lambda: lerobot("lerobot_v2"),
@@ -144,5 +159,8 @@ TOOLS = {
 }
 
 if __name__ == "__main__":
-    for tool in sys.argv[1:]:
-        TOOLS[tool]()
+    if sys.argv[1] == "robomimic-of-minari":
+        robomimic_of_minari(*sys.argv[2:])
+    else:
+        for tool in sys.argv[1:]:
+            TOOLS[tool]()
