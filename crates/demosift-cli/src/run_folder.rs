@@ -203,8 +203,9 @@ fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Resu
             text(old.task_sha256.clone()),
             text(identity.task_sha256.clone()),
         ),
-        ("the SHA-256 of the demonstrations", text(sha256(old)), text(sha256(identity))),
+        // Before the hash, which may depend on them.
         ("the columns of the demonstrations", columns(old), columns(identity)),
+        ("the SHA-256 of the demonstrations", text(sha256(old)), text(sha256(identity))),
     ];
     let differs = pairs.into_iter().find(|(_, old, new)| old != new);
     let (what, old, new) =
