@@ -5,7 +5,7 @@
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use parquet::basic::Type as Physical;
+use parquet::basic::{Compression, Type as Physical};
 use parquet::column::reader::{ColumnReaderImpl, get_typed_column_reader};
 use parquet::data_type::{BoolType, DataType, DoubleType, FloatType, Int32Type, Int64Type};
 use parquet::errors::ParquetError;
@@ -212,6 +212,13 @@ impl Table {
 
     /// Refuses pages that claim more than they can hold, before the decoder believes them.
     fn check_pages(&self, column: &ColumnChunkMetaData, name: &str) -> Result<()> {
+        let compression = column.compression();
+        if matches!(compression, Compression::ZSTD(_) | Compression::BROTLI(_) | Compression::LZO) {
+            return Err(Error::bad_input(format!(
+                "column '{name}' is compressed by {compression}; wanted SNAPPY, GZIP, LZ4 or no compression"
+            ))
+            .with_hint("pyarrow.parquet.write_table(..., compression=\"snappy\") writes the table anew"));
+        }
         let (start, len) = column.byte_range();
         let chunk = self.file.get_bytes(start, usize::try_from(len).unwrap_or(0)).map_err(damaged)?;
         let claimed = u64::try_from(column.num_values()).unwrap_or(0);
@@ -243,7 +250,9 @@ fn read_rows<T: DataType>(
     let mut read = 0;
     let (mut values, mut definitions, mut repetitions) = (Vec::new(), Vec::new(), Vec::new());
     while read < rows {
-        (values.clear(), definitions.clear(), repetitions.clear());
+        values.clear();
+        definitions.clear();
+        repetitions.clear();
         let (records, _, levels) = reader
             .read_records(BATCH.min(rows - read), Some(&mut definitions), Some(&mut repetitions), &mut values)
             .map_err(damaged)?;
