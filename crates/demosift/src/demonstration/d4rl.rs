@@ -15,8 +15,8 @@ use std::path::Path;
 use hdf5_pure::{EnumTypeBuilder, FileBuilder, Group};
 
 use crate::demonstration::DemonstrationSet;
-use crate::demonstration::hdf5::{self, check_size, damaged, find, find_below, flags};
-use crate::demonstration::source::{self, Columns, Format, Source, side_by_side};
+use crate::demonstration::hdf5::{self, check_size, damaged, find, flags};
+use crate::demonstration::source::{self, Columns, Format, Source};
 use crate::error::{Error, Result};
 use crate::files;
 use crate::rows::Rows;
@@ -48,8 +48,11 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
     let columns = columns.or("observations", "actions");
     let hdf5::Opened { file, file_len } = hdf5::open(path)?;
     let root = file.root();
-    let observations = read_table(&root, &columns.observations, file_len)?;
-    let actions = read_table(&root, &columns.actions, file_len)?;
+    let read = |names: &[String]| {
+        hdf5::read_columns(&root, names, file_len).map_err(|error| error.with_hint(LAYOUT_HINT))
+    };
+    let observations = read(&columns.observations)?;
+    let actions = read(&columns.actions)?;
     let steps = observations.len();
     if actions.len() != steps {
         return Err(Error::bad_input(format!(
@@ -63,18 +66,6 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
     let complete = ends.last().copied().unwrap_or(0);
     let episodes = split(&observations, &actions, &ends);
     Ok(Source { format: Format::D4rl, columns, episodes, dropped_steps: steps - complete })
-}
-
-fn read_table(root: &Group, names: &[String], file_len: u64) -> Result<Rows> {
-    let parts = names.iter().map(|name| {
-        let dataset = match find_below(root, name)? {
-            Some(dataset) => dataset,
-            None => return Err(hdf5::missing_below(root, name)?.with_hint(LAYOUT_HINT)),
-        };
-        let table = hdf5::read_table(&dataset, name, file_len);
-        Ok((name.as_str(), table.map_err(|error| error.with_hint(LAYOUT_HINT))?))
-    });
-    side_by_side(&parts.collect::<Result<Vec<_>>>()?)
 }
 
 /// The rows after which an episode ends, at least one.

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use hdf5_pure::{DType, Dataset, File, Group, Layout};
 
+use crate::demonstration::source::side_by_side;
 use crate::error::{Error, Result};
 use crate::rows::Rows;
 
@@ -64,6 +65,18 @@ pub(super) fn read_table(dataset: &Dataset, shown: &str, file_len: u64) -> Resul
     let (_, width) = check_table(dataset, shown, file_len)?;
     let values = dataset.read_f32().map_err(damaged)?;
     Rows::from_flat(values, width).map_err(|error| error.during(shown))
+}
+
+/// The datasets at these paths below the group as one table, side by side.
+///
+/// # Errors
+/// `is_bad_input` if one is not there or no two-dimensional table of floats, or they differ in length.
+pub(super) fn read_columns(group: &Group, names: &[String], file_len: u64) -> Result<Rows> {
+    let parts = names.iter().map(|name| {
+        let dataset = find_below(group, name)?.map_or_else(|| Err(missing_below(group, name)?), Ok)?;
+        Ok((name.as_str(), read_table(&dataset, name, file_len)?))
+    });
+    side_by_side(&parts.collect::<Result<Vec<_>>>()?)
 }
 
 /// Steps and numbers a step of a two-dimensional dataset of floats that the file can hold.

@@ -17,9 +17,9 @@ use std::path::{Path, PathBuf};
 
 use hdf5_pure::Group;
 
-use crate::demonstration::hdf5::{self, damaged, find, find_below, find_group};
+use crate::demonstration::hdf5::{self, damaged, find, find_group};
 use crate::demonstration::parquet_table::{self, Table};
-use crate::demonstration::source::{Columns, Episode, Format, Source, side_by_side, trailing_number};
+use crate::demonstration::source::{Columns, Episode, Format, Source, trailing_number};
 use crate::error::{Error, Result};
 use crate::rows::Rows;
 
@@ -55,8 +55,8 @@ pub(super) fn read_hdf5(path: &Path, columns: &Columns) -> Result<Source> {
     };
     let episodes = names.iter().map(|name| {
         let group = root.group(name).map_err(damaged)?;
-        let observations = tables(&group, &columns.observations, opened.file_len);
-        let actions = tables(&group, &columns.actions, opened.file_len);
+        let observations = hdf5::read_columns(&group, &columns.observations, opened.file_len);
+        let actions = hdf5::read_columns(&group, &columns.actions, opened.file_len);
         let label = trailing_number(name).map_or_else(|| name.clone(), |number| number.to_string());
         observations
             .and_then(|observations| Episode::with_last(label, &observations, actions?))
@@ -97,14 +97,6 @@ fn leaves(group: &Group, path: &str, deepest: usize, found: &mut Vec<String>) ->
         }
     }
     Ok(())
-}
-
-fn tables(group: &Group, names: &[String], file_len: u64) -> Result<Rows> {
-    let parts = names.iter().map(|name| {
-        let dataset = find_below(group, name)?.map_or_else(|| Err(hdf5::missing_below(group, name)?), Ok)?;
-        Ok((name.as_str(), hdf5::read_table(&dataset, name, file_len)?))
-    });
-    side_by_side(&parts.collect::<Result<Vec<_>>>()?)
 }
 
 /// Reads the folders of a data folder; `columns` names columns, with `/` into a dictionary.

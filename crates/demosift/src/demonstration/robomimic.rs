@@ -16,9 +16,8 @@ use std::path::Path;
 use hdf5_pure::{DType, File, Group};
 
 use crate::demonstration::hdf5::{self, damaged, find_below, find_group};
-use crate::demonstration::source::{Columns, Episode, Format, Source, side_by_side, trailing_number};
+use crate::demonstration::source::{Columns, Episode, Format, Source, trailing_number};
 use crate::error::{Error, Result};
-use crate::rows::Rows;
 
 const OBSERVATIONS: &str = "obs/";
 const NEXT_OBSERVATIONS: &str = "next_obs/";
@@ -81,8 +80,8 @@ fn usual_observations(episode: &Group) -> Result<Vec<String>> {
 }
 
 fn read_episode(group: &Group, label: &str, columns: &Columns, file_len: u64) -> Result<Episode> {
-    let observations = tables(group, &columns.observations, file_len)?;
-    let actions = tables(group, &columns.actions, file_len)?;
+    let observations = hdf5::read_columns(group, &columns.observations, file_len)?;
+    let actions = hdf5::read_columns(group, &columns.actions, file_len)?;
     if observations.len() != actions.len() {
         return Err(Error::bad_input(format!(
             "there are {} observations and {} actions; wanted one observation an action",
@@ -96,14 +95,6 @@ fn read_episode(group: &Group, label: &str, columns: &Columns, file_len: u64) ->
         observations,
         actions,
     })
-}
-
-fn tables(group: &Group, names: &[String], file_len: u64) -> Result<Rows> {
-    let parts = names.iter().map(|name| {
-        let dataset = find_below(group, name)?.map_or_else(|| Err(hdf5::missing_below(group, name)?), Ok)?;
-        Ok((name.as_str(), hdf5::read_table(&dataset, name, file_len)?))
-    });
-    side_by_side(&parts.collect::<Result<Vec<_>>>()?)
 }
 
 /// The last row of `next_obs`, if all columns have one there.
