@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use demosift::demonstration::source::Format;
 use demosift::method::Method;
 use demosift::preset::Preset;
 use demosift::select::Keep;
@@ -35,6 +36,12 @@ pub(crate) enum Command {
     Oracle(OracleArguments),
     /// Play a policy, or recorded demonstrations again: scores, and pictures if you want them
     Play(PlayArguments),
+    /// Show what a file of demonstrations holds, and whether it fits a task
+    Inspect(InspectArguments),
+    /// Write demonstrations in another tool's format
+    Convert(ConvertArguments),
+    /// Hand on what a run kept, in the idiom of the tool that its demonstrations came from
+    Export(ExportArguments),
     /// List the tasks that come with demosift
     Tasks(TasksArguments),
 }
@@ -42,9 +49,12 @@ pub(crate) enum Command {
 /// What every stage of the job needs.
 #[derive(Debug, Args)]
 pub(crate) struct JobArguments {
-    /// The demonstrations: an .hdf5 file in D4RL layout, or a folder that holds demonstrations.hdf5
+    /// The demonstrations: a file or folder of D4RL, LeRobot, Minari, robomimic, baselines or imitation, or one that
+    /// `demosift record` made
     #[arg(value_name = "SET")]
     pub(crate) demonstrations: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) source: SourceArguments,
     /// Keep the K most suitable demonstrations; auto keeps those that surely make the agent better and are not surely
     /// less than half as good as the best; weights keeps what `demosift weigh` would [default: quarter, that is a quarter
     /// of the set]
@@ -58,6 +68,21 @@ pub(crate) struct JobArguments {
     pub(crate) preset: Option<PresetName>,
     #[command(flatten)]
     pub(crate) run: RunArguments,
+}
+
+/// How demonstrations are stored, where it cannot be seen.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct SourceArguments {
+    /// The format of the demonstrations, such as robomimic or lerobot-v3 [default: told by looking]
+    #[arg(long, value_name = "FORMAT")]
+    pub(crate) format: Option<Format>,
+    /// The columns that make an observation, in this order, such as obs/joints,obs/gripper [default: what is usual in the
+    /// format; see `demosift inspect`]
+    #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
+    pub(crate) observation_columns: Vec<String>,
+    /// The columns that make an action, in this order [default: what is usual in the format]
+    #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
+    pub(crate) action_columns: Vec<String>,
 }
 
 /// What every run needs, whatever it is about.
@@ -141,9 +166,11 @@ pub(crate) struct PlayArguments {
     /// Play this policy: a policy_*.safetensors of a run folder
     #[arg(long, value_name = "FILE")]
     pub(crate) policy: Option<PathBuf>,
-    /// Replay demonstrations of this set from their recorded states: an .hdf5 file, or a folder that holds demonstrations.hdf5
+    /// Replay demonstrations of this set from their recorded states: one that `demosift record` or `demosift convert` made
     #[arg(long, value_name = "SET")]
     pub(crate) data: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) storage: SourceArguments,
     /// Which demonstrations, such as 1,0,4, in this order [default: all]
     #[arg(long, value_name = "ID", value_delimiter = ',', num_args = 1.., conflicts_with = "policy")]
     pub(crate) demonstration: Vec<usize>,
@@ -196,6 +223,108 @@ fn size(typed: &str) -> Result<(usize, usize), String> {
     let sides =
         typed.split_once('x').and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
     sides.ok_or_else(|| "wanted width and height in pixels, such as 320x240".to_owned())
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  What a set holds, and whether the free thrower could learn from it:
+    demosift inspect data/free_throw_8 --task free_throw
+  A robomimic file, with the columns that make an observation named:
+    demosift inspect lift.hdf5 --observation-columns obs/robot0_eef_pos,obs/object")]
+pub(crate) struct InspectArguments {
+    /// The demonstrations
+    #[arg(value_name = "SET")]
+    pub(crate) demonstrations: PathBuf,
+    #[command(flatten)]
+    pub(crate) source: SourceArguments,
+    /// Whether they fit this task: a name (see `demosift tasks`), or the path of a folder with a task.toml
+    #[arg(long, value_name = "NAME|PATH")]
+    pub(crate) task: Option<String>,
+    /// Print the results as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+    demosift convert data/free_throw_8 --task free_throw --to lerobot free_throw_lerobot
+    demosift convert expert.npz --to minari expert_minari")]
+pub(crate) struct ConvertArguments {
+    /// The demonstrations
+    #[arg(value_name = "SET")]
+    pub(crate) demonstrations: PathBuf,
+    /// A new folder
+    #[arg(value_name = "OUT")]
+    pub(crate) out: PathBuf,
+    /// The format to write
+    #[arg(long, value_enum)]
+    pub(crate) to: Target,
+    #[command(flatten)]
+    pub(crate) source: SourceArguments,
+    /// The task that was shown, which tells LeRobot the rate of the steps
+    #[arg(long, value_name = "NAME|PATH")]
+    pub(crate) task: Option<String>,
+    /// Steps in a second, which LeRobot wants to know [default: as the task says]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) fps: Option<u32>,
+}
+
+/// A format that is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Target {
+    /// A LeRobot v3.0 folder
+    Lerobot,
+    /// A Minari folder in HDF5
+    Minari,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  Train on what was kept, in LeRobot:
+    lerobot-train --dataset.episodes=\"$(demosift export runs/reach --as lerobot-episodes)\" ...
+  A filter key for robomimic, written into the file of the demonstrations:
+    demosift export runs/lift --as robomimic-filter-key --edit-my-file
+  Scores, intervals and weights as a table:
+    demosift export runs/lift --as csv --out lift.csv")]
+pub(crate) struct ExportArguments {
+    /// The run folder
+    #[arg(value_name = "RUN")]
+    pub(crate) run: PathBuf,
+    /// What to make of the kept demonstrations
+    #[arg(long = "as", value_enum, value_name = "FORM")]
+    pub(crate) form: Form,
+    /// A new file or folder [default for words: standard output]
+    #[arg(long, value_name = "PATH")]
+    pub(crate) out: Option<PathBuf>,
+    /// Name of the robomimic filter key
+    #[arg(long, value_name = "NAME", default_value = "demosift")]
+    pub(crate) name: String,
+    /// Steps in a second, which LeRobot wants to know [default: as the task of the run says]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) fps: Option<u32>,
+    /// Allow robomimic-filter-key to add the key to the file of the demonstrations
+    #[arg(long)]
+    pub(crate) edit_my_file: bool,
+}
+
+/// What the kept demonstrations are handed on as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Form {
+    /// The list that LeRobot takes as --dataset.episodes
+    LerobotEpisodes,
+    /// A LeRobot v3.0 folder of the kept demonstrations
+    Lerobot,
+    /// A Minari folder of the kept demonstrations; from one in HDF5, with all that it holds of them
+    Minari,
+    /// A filter key in the robomimic file itself
+    RobomimicFilterKey,
+    /// Every demonstration with its score, interval, weight and whether it was kept, and where all this came from
+    Json,
+    /// The same as a table
+    Csv,
 }
 
 #[derive(Debug, Args)]

@@ -1,6 +1,9 @@
 //! The subcommands: each brings a run folder up to its noun and shows it.
 
+mod convert;
+mod export;
 mod imitate;
+mod inspect;
 mod judge;
 mod meta_train;
 mod oracle;
@@ -27,6 +30,9 @@ pub(crate) fn run(command: Command) -> Result<()> {
         Command::Imitate(arguments) => imitate::run(&arguments),
         Command::Oracle(arguments) => oracle::run(&arguments),
         Command::Play(arguments) => play::run(&arguments),
+        Command::Inspect(arguments) => inspect::run(&arguments),
+        Command::Convert(arguments) => convert::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
         Command::Tasks(arguments) => {
             tasks::run(&arguments);
             Ok(())

@@ -3,17 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use demosift::data_only::DataOnly;
-use demosift::demonstration::{DemonstrationSet, d4rl};
+use demosift::demonstration::DemonstrationSet;
 use demosift::experiment::{self, Config, Run};
 use demosift::method::{Costs, Method};
 use demosift::preset::Preset;
 use demosift::rollout::Playground;
 use demosift::select::Keep;
-use demosift::{Error, Result, files};
+use demosift::{Error, Result};
 use toml::Table;
 
 use crate::arguments::{JobArguments, PresetName, RunArguments};
 use crate::configuration::{self, Layer};
+use crate::demonstrations::{self, Demonstrations};
 use crate::metrics_file::MetricsFile;
 use crate::own_heuristic::{self, Beside};
 use crate::run_folder::{self, Begun, Data, Identity, RunFolder};
@@ -49,10 +50,10 @@ impl Job {
         let plan = Plan::of(&arguments.run, arguments.preset)?;
         plan.check_task()?;
         let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
-        let path =
-            set_file(arguments.demonstrations.as_deref().or(recorded.map(|data| data.path.as_path())))?;
-        let set = d4rl::read(&path)?;
-        let data = Data { sha256: files::sha256(std::slice::from_ref(&path))?, path: absolute(&path)? };
+        let demonstrations =
+            demonstrations::open(arguments.demonstrations.as_deref(), &arguments.source, recorded)?;
+        let data = demonstrations.data()?;
+        let Demonstrations { set, path, .. } = demonstrations;
         let mut values = plan.values.clone();
         if let Some(keep) = arguments.keep {
             check_keep(keep, &set)?;
@@ -213,22 +214,6 @@ pub(crate) fn use_threads(count: Option<usize>) -> Result<()> {
         .map_err(|error| Error::bad_config(format!("--threads {count}: {error}")))
 }
 
-pub(crate) fn set_file(given: Option<&Path>) -> Result<PathBuf> {
-    let given = given.ok_or_else(|| {
-        Error::bad_input("no demonstrations are given").with_hint(format!(
-            "give the path of an .hdf5 file in D4RL layout, or of a folder that holds {SET_FILE}"
-        ))
-    })?;
-    if !given.is_dir() {
-        return Ok(given.to_owned());
-    }
-    let file = given.join(SET_FILE);
-    if file.exists() {
-        return Ok(file);
-    }
-    Err(Error::bad_input(format!("this folder holds no {SET_FILE}, so it is no demonstration set")).at(given))
-}
-
 fn check_keep(keep: Keep, set: &DemonstrationSet) -> Result<()> {
     match keep {
         Keep::Count(count) if !(1..=set.len()).contains(&count) => Err(Error::bad_config(format!(
@@ -238,8 +223,4 @@ fn check_keep(keep: Keep, set: &DemonstrationSet) -> Result<()> {
         ))),
         _ => Ok(()),
     }
-}
-
-fn absolute(path: &Path) -> Result<PathBuf> {
-    std::fs::canonicalize(path).map_err(|error| Error::io("cannot find", path, &error))
 }

@@ -3,6 +3,7 @@
 mod arguments;
 mod commands;
 mod configuration;
+mod demonstrations;
 mod job;
 mod metrics_file;
 mod own_heuristic;

@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use demosift::data_only::{Column, DataOnly};
-use demosift::demonstration::{DemonstrationSet, d4rl};
+use demosift::demonstration::{self, DemonstrationSet};
 use demosift::environment::Task as _;
 use demosift::heuristic::Score;
 use demosift::{Error, Result};
@@ -42,7 +42,7 @@ pub(crate) fn beside(
 }
 
 fn scores(task: &MujocoTask, set: &DemonstrationSet, path: &Path) -> Result<Option<Vec<Score>>> {
-    let Some(states) = d4rl::read_states(path)? else { return Ok(None) };
+    let Some(states) = demonstration::read_states(path, None)? else { return Ok(None) };
     let scores = set.iter().zip(&states).map(|((id, demonstration), states)| {
         replay::measurements(task, states, demonstration.actions())
             .map(|measured| task.heuristic().score(&measured))

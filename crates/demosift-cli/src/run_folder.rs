@@ -4,6 +4,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use demosift::demonstration::source::{Columns, Format};
 use demosift::ledger::Ledger;
 use demosift::{Error, Result, files};
 use serde::{Deserialize, Serialize};
@@ -12,7 +13,7 @@ use toml::Table;
 use crate::configuration;
 
 const RUN: &str = "run.json";
-const RESOLVED: &str = "resolved.toml";
+pub(crate) const RESOLVED: &str = "resolved.toml";
 
 /// What a run depends on besides its configuration; kept in `run.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -36,6 +37,12 @@ pub(crate) struct Data {
     pub(crate) path: PathBuf,
     /// What they were.
     pub(crate) sha256: String,
+    /// How they were stored; runs of before there were several do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) format: Option<Format>,
+    /// Which columns were read.
+    #[serde(default)]
+    pub(crate) columns: Columns,
 }
 
 /// What a folder tells of the run that it holds.
@@ -180,8 +187,14 @@ fn remove_partial(folder: &Path) -> Result<()> {
 
 fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Result<()> {
     let sha256 = |identity: &Identity| identity.data.as_ref().map(|data| data.sha256.clone());
-    let text = |value: Option<String>| value.unwrap_or_else(|| "none".to_owned());
     let old = &begun.identity;
+    let columns = |identity: &Identity| match (&identity.data, &old.data) {
+        (Some(data), Some(Data { format: Some(_), .. })) => {
+            format!("{} and {}", data.columns.observations.join(","), data.columns.actions.join(","))
+        }
+        _ => String::new(),
+    };
+    let text = |value: Option<String>| value.unwrap_or_else(|| "none".to_owned());
     let pairs = [
         ("the version of demosift", old.demosift.clone(), identity.demosift.clone()),
         ("the task", old.task.clone(), identity.task.clone()),
@@ -190,6 +203,8 @@ fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Resu
             text(old.task_sha256.clone()),
             text(identity.task_sha256.clone()),
         ),
+        // Before the hash, which may depend on them.
+        ("the columns of the demonstrations", columns(old), columns(identity)),
         ("the SHA-256 of the demonstrations", text(sha256(old)), text(sha256(identity))),
     ];
     let differs = pairs.into_iter().find(|(_, old, new)| old != new);

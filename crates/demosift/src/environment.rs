@@ -29,6 +29,11 @@ pub struct Specification {
 }
 
 impl Specification {
+    /// Control steps in a simulated second, to the nearest whole number and at least one.
+    pub fn steps_per_sec(&self) -> u32 {
+        (1.0 / self.control_step_secs).round().max(1.0) as u32
+    }
+
     /// All variants, in order.
     pub fn variant_ids(&self) -> Vec<EnvVariant> {
         (0..self.variants.len()).map(EnvVariant).collect()

@@ -116,8 +116,11 @@ pub fn sift(run: &mut Run<'_>) -> Result<Sifted> {
     Ok(Sifted { scores, selection, data_only, from_subset, from_all, gain })
 }
 
-/// Whether set, task and configuration fit each other; the error says what would.
-pub fn check(set: &DemonstrationSet, task: &Specification, config: &Config) -> Result<()> {
+/// Whether a set was recorded in a task of these sizes.
+///
+/// # Errors
+/// `is_bad_input` if observations or actions have another size.
+pub fn check_fits(set: &DemonstrationSet, task: &Specification) -> Result<()> {
     let sizes = [
         ("observation", set.observation_size(), task.observation_size),
         ("action", set.action_size(), task.action_size),
@@ -131,6 +134,12 @@ pub fn check(set: &DemonstrationSet, task: &Specification, config: &Config) -> R
             .with_hint("check that the set was recorded in this task"));
         }
     }
+    Ok(())
+}
+
+/// Whether set, task and configuration fit each other; the error says what would.
+pub fn check(set: &DemonstrationSet, task: &Specification, config: &Config) -> Result<()> {
+    check_fits(set, task)?;
     check_numbers(config)?;
     check_order(config)?;
     let smallest = config.subset_selection.smallest;

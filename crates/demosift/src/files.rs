@@ -30,6 +30,42 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     })
 }
 
+/// Writes files, each with its path below the folder, into a new folder, which appears whole or not at all.
+///
+/// # Errors
+/// `is_bad_input` if there is something at `folder` already; `is_io` if a byte could not be written.
+pub fn write_folder(folder: &Path, contents: &[(&str, Vec<u8>)]) -> Result<()> {
+    if folder.exists() {
+        return Err(Error::bad_input(
+            "there is something of this name already; wanted the name of a new folder",
+        )
+        .at(folder));
+    }
+    let partial = partial_path(folder)?;
+    if partial.exists() {
+        fs::remove_dir_all(&partial)
+            .map_err(|source| Error::io("cannot remove what is left of a write", &partial, &source))?;
+    }
+    let written = fill(&partial, contents).and_then(|()| {
+        fs::rename(&partial, folder).map_err(|source| Error::io("cannot write", folder, &source))
+    });
+    if written.is_err() {
+        // The first error is the one to tell.
+        let _ = fs::remove_dir_all(&partial);
+    }
+    written
+}
+
+fn fill(folder: &Path, contents: &[(&str, Vec<u8>)]) -> Result<()> {
+    for (name, bytes) in contents {
+        let path = folder.join(name);
+        let parent = path.parent().unwrap_or(folder);
+        fs::create_dir_all(parent).map_err(|source| Error::io("cannot make the folder", parent, &source))?;
+        write_atomically(&path, bytes)?;
+    }
+    Ok(())
+}
+
 /// SHA-256 of the files, one after the other, as hexadecimal digits.
 ///
 /// # Errors
@@ -48,7 +84,16 @@ pub fn sha256(paths: &[PathBuf]) -> Result<String> {
             hash.update(&block[..len]);
         }
     }
-    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(hexadecimal(&hash.finalize()))
+}
+
+/// SHA-256 of bytes, as hexadecimal digits.
+pub fn sha256_of(bytes: &[u8]) -> String {
+    hexadecimal(&Sha256::digest(bytes))
+}
+
+fn hexadecimal(digest: &[u8]) -> String {
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Where the bytes wait until they are complete: the same folder, since a rename does not cross file systems.

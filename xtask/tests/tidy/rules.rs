@@ -11,8 +11,8 @@ const UNSAFE_FILES: [&str; 3] = [
     "crates/demosift/benches/learner.rs",
 ];
 const TERMINAL: &str = "crates/demosift-cli/src/terminal.rs";
-/// The module that hands on the simulator's states of recorded episodes.
-const STATES_READER: &str = "crates/demosift/src/demonstration/d4rl";
+/// The modules that hand on the simulator's states of recorded episodes.
+const STATES_READER: &str = "crates/demosift/src/demonstration/";
 const MOST_LINES: usize = 600;
 /// Modules that learn and judge, and everything below them.
 const ABOVE_JUDGING: [&str; 7] =

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use demosift::demonstration::{DemonstrationSet, d4rl};
+use demosift::demonstration::{self, DemonstrationSet};
 use demosift::environment::{EnvVariant, Specification};
 use demosift::heuristic::Score;
 use demosift::policy::Policy;
@@ -18,6 +18,7 @@ use demosift_mujoco::replay;
 use serde_json::json;
 
 use crate::arguments::{PictureArguments, PlayArguments};
+use crate::demonstrations::{self, Demonstrations};
 use crate::job;
 use crate::picture_folder::PictureFolder;
 use crate::tables::{self, Scale};
@@ -40,7 +41,7 @@ pub(crate) fn run(arguments: &PlayArguments) -> Result<()> {
     let studio = Studio::open(&chosen, &arguments.pictures)?;
     let episodes = match (&arguments.policy, &arguments.data) {
         (Some(policy), _) => play(&chosen, policy, arguments)?,
-        (None, Some(data)) => replay(&chosen, &job::set_file(Some(data))?, &arguments.demonstration)?,
+        (None, Some(data)) => replay(&chosen, data, arguments)?,
         (None, None) => return Err(Error::bad_config("wanted --policy or --data")),
     };
     let unit = chosen.task.heuristic().unit();
@@ -118,16 +119,21 @@ fn variant(name: Option<&str>, specification: &Specification) -> Result<EnvVaria
 }
 
 /// Demonstrations as they were recorded, in the order in which they are named.
-fn replay(chosen: &Chosen, path: &Path, ids: &[usize]) -> Result<Vec<Episode>> {
+fn replay(chosen: &Chosen, data: &Path, arguments: &PlayArguments) -> Result<Vec<Episode>> {
     let task = in_mujoco(chosen, "replay")?;
-    let set = d4rl::read(path)?;
-    let states = d4rl::read_states(path)?.ok_or_else(|| {
+    let Demonstrations { set, source, path } = &demonstrations::open(Some(data), &arguments.storage, None)?;
+    let states = demonstration::read_states(path, Some(source.format))?.ok_or_else(|| {
         let what = "the set holds no states of the simulator, 'infos/qpos' and 'infos/qvel', to replay from";
-        Error::bad_input(what).at(path).with_hint("sets that `demosift record` writes hold them")
+        Error::bad_input(what).at(path).with_hint(
+            "sets that `demosift record` writes hold them, and those that `demosift convert` makes of these",
+        )
     })?;
-    let ids = if ids.is_empty() { (0..set.len()).collect() } else { ids.to_vec() };
+    let ids = match &arguments.demonstration[..] {
+        [] => (0..set.len()).collect(),
+        named => named.to_vec(),
+    };
     let episodes = ids.into_iter().map(|id| {
-        let (id, demonstration) = find(&set, id)?;
+        let (id, demonstration) = find(set, id)?;
         let measured: Rows = replay::measurements(task, &states[id], demonstration.actions())
             .map_err(|error| error.during(&format!("demonstration {id}")).at(path))?;
         Ok(Episode {

@@ -12,9 +12,11 @@
 
 use std::path::Path;
 
-use hdf5_pure::{DType, Dataset, EnumTypeBuilder, File, FileBuilder, Group, Layout};
+use hdf5_pure::{EnumTypeBuilder, FileBuilder, Group};
 
-use crate::demonstration::{Demonstration, DemonstrationSet};
+use crate::demonstration::DemonstrationSet;
+use crate::demonstration::hdf5::{self, check_size, damaged, find, flags};
+use crate::demonstration::source::{self, Columns, Format, Source};
 use crate::error::{Error, Result};
 use crate::files;
 use crate::rows::Rows;
@@ -22,9 +24,6 @@ use crate::rows::Rows;
 mod states;
 
 pub use states::read_states;
-
-/// Deflate cannot shrink bytes further than this (its longest match costs at least two bits).
-const MOST_COMPRESSION: u64 = 1032;
 
 const LAYOUT_HINT: &str = "a D4RL file holds 'observations' [N, obs] and 'actions' [N, act] of f32 or f64, \
                            and 'terminals' [N] or 'timeouts' [N] that mark the last step of each episode";
@@ -37,23 +36,36 @@ const LAYOUT_HINT: &str = "a D4RL file holds 'observations' [N, obs] and 'action
 /// `is_bad_input` if the file is not of this layout, damaged, holds a number that is not finite, or holds fewer than
 /// two complete episodes; `is_io` if it may not be read.
 pub fn read(path: &Path) -> Result<DemonstrationSet> {
-    read_set(path).map_err(|error| error.at(path))
+    let source = read_source(path, &Columns::default()).and_then(|source| source.set());
+    source.map_err(|error| error.at(path))
 }
 
-fn read_set(path: &Path) -> Result<DemonstrationSet> {
-    let file_len = length_of(path)?;
-    let file = File::open_streaming(path).map_err(damaged)?;
+/// Reads the episodes; `columns` names datasets.
+///
+/// # Errors
+/// As [`read`], but for numbers that are not finite and episodes that are too few.
+pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
+    let columns = columns.or("observations", "actions");
+    let hdf5::Opened { file, file_len } = hdf5::open(path)?;
     let root = file.root();
-    let observations = read_table(&root, "observations", file_len)?;
-    let actions = read_table(&root, "actions", file_len)?;
+    let read = |names: &[String]| {
+        hdf5::read_columns(&root, names, file_len).map_err(|error| error.with_hint(LAYOUT_HINT))
+    };
+    let observations = read(&columns.observations)?;
+    let actions = read(&columns.actions)?;
     let steps = observations.len();
     if actions.len() != steps {
         return Err(Error::bad_input(format!(
-            "'observations' has {steps} rows but 'actions' has {}; both must have one row a step",
+            "'{}' has {steps} rows but '{}' has {}; both must have one row a step",
+            columns.observations[0],
+            columns.actions[0],
             actions.len()
         )));
     }
-    split(&observations, &actions, &read_ends(&root, steps, file_len)?)
+    let ends = read_ends(&root, steps, file_len)?;
+    let complete = ends.last().copied().unwrap_or(0);
+    let episodes = split(&observations, &actions, &ends);
+    Ok(Source { format: Format::D4rl, columns, episodes, dropped_steps: steps - complete })
 }
 
 /// The rows after which an episode ends, at least one.
@@ -68,66 +80,6 @@ fn read_ends(root: &Group, steps: usize, file_len: u64) -> Result<Vec<usize>> {
         return Err(no_complete_episode(steps, terminals.is_some(), timeouts.is_some()));
     }
     Ok(ends)
-}
-
-/// The file's length in bytes, after the checks that need no parsing.
-fn length_of(path: &Path) -> Result<u64> {
-    let metadata = std::fs::metadata(path).map_err(|source| match source.kind() {
-        std::io::ErrorKind::NotFound => {
-            Error::bad_input("the demonstration file does not exist").with_hint("check the path")
-        }
-        _ => Error::io("cannot read the demonstrations", path, &source),
-    })?;
-    if !metadata.is_file() {
-        return Err(Error::bad_input("not a file; wanted an HDF5 file in D4RL layout").with_hint(LAYOUT_HINT));
-    }
-    if metadata.len() == 0 {
-        return Err(Error::bad_input("the file is empty; wanted an HDF5 file in D4RL layout")
-            .with_hint("was it copied or downloaded completely?"));
-    }
-    match hdf5_pure::is_hdf5(path) {
-        Ok(true) => Ok(metadata.len()),
-        Ok(false) => Err(Error::bad_input("not an HDF5 file: its signature is missing")
-            .with_hint("demonstrations are read from HDF5 files in D4RL layout")),
-        Err(source) => Err(Error::io("cannot read the demonstrations", path, &source)),
-    }
-}
-
-fn damaged(source: hdf5_pure::Error) -> Error {
-    Error::bad_input(format!("the HDF5 file is damaged or truncated: {source}"))
-        .with_hint("was it copied or downloaded completely?")
-}
-
-/// A two-dimensional dataset of floats.
-fn read_table(root: &Group, name: &str, file_len: u64) -> Result<Rows> {
-    let Some(dataset) = find(root, name)? else {
-        return Err(missing(root, name)?);
-    };
-    let (_, width) = check_table(&dataset, name, file_len)?;
-    let values = dataset.read_f32().map_err(damaged)?;
-    Rows::from_flat(values, width).map_err(|error| error.during(name))
-}
-
-/// Steps and numbers a step of a two-dimensional dataset of floats that the file can hold.
-fn check_table(dataset: &Dataset, name: &str, file_len: u64) -> Result<(usize, usize)> {
-    let shape = dataset.shape().map_err(damaged)?;
-    let &[steps, width @ 1..=u64::MAX] = shape.as_slice() else {
-        return Err(Error::bad_input(format!(
-            "'{name}' has shape {shape:?}; wanted two dimensions, [steps, numbers a step], of at least one number"
-        ))
-        .with_hint(LAYOUT_HINT));
-    };
-    let element = dataset.dtype().map_err(damaged)?;
-    if !matches!(element, DType::F32 | DType::F64) {
-        return Err(Error::bad_input(format!(
-            "'{name}' holds elements of type {element}; wanted f32 or f64"
-        )));
-    }
-    check_size(dataset, name, &shape, file_len)?;
-    match (usize::try_from(steps), usize::try_from(width)) {
-        (Ok(steps), Ok(width)) => Ok((steps, width)),
-        _ => Err(Error::bad_input(format!("'{name}' of shape {shape:?} is too large for this machine"))),
-    }
 }
 
 /// One flag a step, or `None` if the file has no such dataset.
@@ -153,70 +105,6 @@ fn read_marks(root: &Group, name: &str, steps: usize, file_len: u64) -> Result<O
     flags(&dataset, name).map(Some)
 }
 
-/// The elements as flags: everything but zero is true.
-fn flags(dataset: &Dataset, name: &str) -> Result<Vec<bool>> {
-    match dataset.dtype().map_err(damaged)? {
-        DType::F32 | DType::F64 => {
-            Ok(dataset.read_f64().map_err(damaged)?.iter().map(|&value| value != 0.0).collect())
-        }
-        DType::Enum(_)
-        | DType::I8
-        | DType::I16
-        | DType::I32
-        | DType::I64
-        | DType::U8
-        | DType::U16
-        | DType::U32
-        | DType::U64 => {
-            let size = usize::try_from(dataset.element_size().map_err(damaged)?.max(1))
-                .map_err(|_| Error::bad_input(format!("'{name}' has elements that are too large")))?;
-            let bytes = dataset.read_raw().map_err(damaged)?;
-            Ok(bytes.chunks_exact(size).map(|element| element.iter().any(|&byte| byte != 0)).collect())
-        }
-        other => {
-            Err(Error::bad_input(format!("'{name}' holds elements of type {other}; wanted bool or a number")))
-        }
-    }
-}
-
-/// Refuses a dataset that claims more bytes than the file can hold, before memory is asked for.
-fn check_size(dataset: &Dataset, name: &str, shape: &[u64], file_len: u64) -> Result<()> {
-    let element = dataset.element_size().map_err(damaged)?;
-    let bytes_of = |extents: &[u64]| extents.iter().try_fold(element, |bytes, &len| bytes.checked_mul(len));
-    let filtered = !dataset.filters().is_empty();
-    let most = if filtered { file_len.saturating_mul(MOST_COMPRESSION) } else { file_len };
-    let chunk = match dataset.layout().map_err(damaged)? {
-        Layout::Chunked { chunk_shape, .. } => bytes_of(&chunk_shape),
-        _ => Some(0),
-    };
-    // A chunk may hang over the edge of its dataset, but not by more than the file could hold either.
-    match (bytes_of(shape), chunk) {
-        (Some(bytes), Some(chunk)) if bytes <= most && (chunk <= most || filtered && chunk <= 1 << 26) => {
-            Ok(())
-        }
-        _ => Err(Error::bad_input(format!(
-            "'{name}' claims shape {shape:?}, more than a file of {file_len} bytes can hold"
-        ))
-        .with_hint("the file is damaged or was not copied completely")),
-    }
-}
-
-fn find(root: &Group, name: &str) -> Result<Option<Dataset>> {
-    if !root.datasets().map_err(damaged)?.iter().any(|known| known == name) {
-        return Ok(None);
-    }
-    root.dataset(name).map(Some).map_err(damaged)
-}
-
-fn missing(root: &Group, name: &str) -> Result<Error> {
-    let mut known = root.datasets().map_err(damaged)?;
-    known.extend(root.groups().map_err(damaged)?.into_iter().map(|group| group + "/"));
-    known.sort();
-    let known = if known.is_empty() { "nothing".to_owned() } else { known.join(", ") };
-    Ok(Error::bad_input(format!("there is no dataset '{name}'; the file holds: {known}"))
-        .with_hint(LAYOUT_HINT))
-}
-
 fn no_complete_episode(steps: usize, has_terminals: bool, has_timeouts: bool) -> Error {
     let found = match (has_terminals, has_timeouts) {
         (false, false) => "it has neither 'terminals' nor 'timeouts'".to_owned(),
@@ -229,17 +117,15 @@ fn no_complete_episode(steps: usize, has_terminals: bool, has_timeouts: bool) ->
 }
 
 /// Cuts the tables after each of `ends`.
-fn split(observations: &Rows, actions: &Rows, ends: &[usize]) -> Result<DemonstrationSet> {
+fn split(observations: &Rows, actions: &Rows, ends: &[usize]) -> Vec<source::Episode> {
     let starts = std::iter::once(0).chain(ends.iter().copied());
-    let demonstrations = starts
-        .zip(ends)
-        .enumerate()
-        .map(|(episode, (start, &end))| {
-            Demonstration::new(cut(observations, start, end), cut(actions, start, end))
-                .map_err(|error| error.during(&format!("episode {episode}")))
-        })
-        .collect::<Result<_>>()?;
-    DemonstrationSet::new(demonstrations)
+    let episodes = starts.zip(ends).enumerate().map(|(index, (start, &end))| source::Episode {
+        label: index.to_string(),
+        observations: cut(observations, start, end),
+        actions: cut(actions, start, end),
+        last_observation: None,
+    });
+    episodes.collect()
 }
 
 fn cut(table: &Rows, start: usize, end: usize) -> Rows {

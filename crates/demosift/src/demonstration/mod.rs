@@ -2,7 +2,23 @@
 //!
 //! A demonstration carries no reward, stage or origin, so nothing that judges can learn where it came from.
 
+pub mod baselines_npz;
 pub mod d4rl;
+mod detect;
+mod hdf5;
+pub mod imitation_npz;
+pub mod inspection;
+pub mod lerobot;
+pub mod minari;
+mod npz;
+mod parquet_pages;
+mod parquet_table;
+mod parquet_writing;
+pub mod robomimic;
+pub mod source;
+mod states;
+
+pub use states::read_states;
 
 use crate::error::{Error, Result};
 use crate::rows::Rows;

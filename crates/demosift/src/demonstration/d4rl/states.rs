@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use hdf5_pure::{File, Group};
+use hdf5_pure::Group;
 
-use super::{check_table, damaged, find, length_of, missing, read_ends};
+use super::read_ends;
+use crate::demonstration::hdf5::{self, check_table, damaged, find, missing};
 use crate::error::{Error, Result};
 use crate::trajectory::StateLog;
 
@@ -18,8 +19,7 @@ pub fn read_states(path: &Path) -> Result<Option<Vec<StateLog>>> {
 }
 
 fn read_logs(path: &Path) -> Result<Option<Vec<StateLog>>> {
-    let file_len = length_of(path)?;
-    let file = File::open_streaming(path).map_err(damaged)?;
+    let hdf5::Opened { file, file_len } = hdf5::open(path)?;
     let root = file.root();
     if !root.groups().map_err(damaged)?.iter().any(|known| known == "infos") {
         return Ok(None);

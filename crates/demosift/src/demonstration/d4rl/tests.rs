@@ -1,5 +1,7 @@
 use std::path::PathBuf;
 
+use hdf5_pure::File;
+
 use super::*;
 use crate::demonstration::DemoId;
 
@@ -195,7 +197,7 @@ fn datasets_that_are_wrong() {
         (
             "no-actions",
             file_with(|file| add(file, "observations", &[3, 2], &six)),
-            &["no dataset 'actions'", "the file holds: observations"],
+            &["no dataset 'actions'", "there is: observations"],
         ),
         (
             "rank",

@@ -1,0 +1,65 @@
+//! `demosift convert`: demonstrations in another tool's format.
+
+use std::path::Path;
+
+use demosift::demonstration::source::{Episode, Source};
+use demosift::demonstration::{self, lerobot, minari};
+use demosift::trajectory::StateLog;
+use demosift::{Error, Result};
+
+use crate::arguments::{ConvertArguments, Target};
+use crate::demonstrations::{self, Demonstrations};
+use crate::{task, terminal};
+
+pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
+    let Demonstrations { source, path, .. } =
+        demonstrations::open(Some(&arguments.demonstrations), &arguments.source, None)?;
+    let out = &arguments.out;
+    match arguments.to {
+        Target::Lerobot => {
+            let steps_per_sec = steps_per_sec(arguments.fps, arguments.task.as_deref())?;
+            let states = demonstration::read_states(&path, Some(source.format))?;
+            let task = arguments.task.clone().unwrap_or_else(|| name_of(out));
+            lerobot::write(out, &source.episodes, states.as_deref(), steps_per_sec, &task)?;
+        }
+        Target::Minari => minari::write(out, &source.episodes, &minari_id(out))?,
+    }
+    let total: usize = source.episodes.iter().map(|episode| episode.actions.len()).sum();
+    terminal::show(&format!(
+        "{} episodes of {total} steps in all: {}\n",
+        source.episodes.len(),
+        out.display()
+    ));
+    Ok(())
+}
+
+/// The rate of steps that the user gives, or that the task has.
+pub(super) fn steps_per_sec(given: Option<u32>, task: Option<&str>) -> Result<u32> {
+    if let Some(given) = given {
+        return Ok(given);
+    }
+    let task = task.ok_or_else(|| {
+        Error::bad_config("LeRobot keeps the rate of the steps, and nothing here tells it")
+            .with_hint("add --task NAME, or --fps N")
+    })?;
+    Ok(task::choose(task)?.task.specification().steps_per_sec())
+}
+
+/// The id of a Minari data set that is named after its folder.
+pub(super) fn minari_id(out: &Path) -> String {
+    format!("demosift/{}-v0", name_of(out))
+}
+
+fn name_of(out: &Path) -> String {
+    out.file_name().map_or_else(|| "demonstrations".to_owned(), |name| name.to_string_lossy().into_owned())
+}
+
+/// The demonstrations of these places in the set, with their states where there are any.
+pub(super) fn chosen(
+    source: &Source,
+    states: Option<&[StateLog]>,
+    ids: &[usize],
+) -> (Vec<Episode>, Option<Vec<StateLog>>) {
+    let episodes = ids.iter().map(|&id| source.episodes[id].clone()).collect();
+    (episodes, states.map(|states| ids.iter().map(|&id| states[id].clone()).collect()))
+}

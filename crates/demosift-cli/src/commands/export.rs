@@ -1,0 +1,231 @@
+//! `demosift export`: what a run kept, in the idiom of the tool that its demonstrations came from.
+
+use std::path::{Path, PathBuf};
+
+use demosift::artifact::Artifact as _;
+use demosift::demonstration::source::Format;
+use demosift::demonstration::{self, DemoId, lerobot, minari, robomimic};
+use demosift::select::{Ranking, Subset};
+use demosift::subset_selection::Weighing;
+use demosift::uncertainty::Uncertainty;
+use demosift::{Error, Result, files};
+use serde_json::{Value, json};
+
+use super::convert;
+use crate::arguments::{ExportArguments, Form, SourceArguments};
+use crate::configuration::Layer;
+use crate::demonstrations::{self, Demonstrations};
+use crate::run_folder::{self, Data, Identity, RunFolder};
+use crate::terminal;
+
+/// A run that kept something, and the demonstrations that it chose from.
+struct Kept {
+    identity: Identity,
+    data: Data,
+    folder: RunFolder,
+    demonstrations: Demonstrations,
+    /// In the order of the set.
+    ids: Vec<usize>,
+}
+
+pub(crate) fn run(arguments: &ExportArguments) -> Result<()> {
+    let kept = open(&arguments.run)?;
+    match arguments.form {
+        Form::LerobotEpisodes => say(&format!("{}\n", episode_list(&kept)?), arguments),
+        Form::Json => say(&format!("{:#}\n", as_json(&kept)?), arguments),
+        Form::Csv => say(&as_csv(&kept)?, arguments),
+        Form::Lerobot => {
+            let out = folder(arguments)?;
+            let steps_per_sec = convert::steps_per_sec(arguments.fps, Some(&kept.identity.task))?;
+            let states = demonstration::read_states(&kept.demonstrations.path, kept.data.format)?;
+            let (episodes, states) =
+                convert::chosen(&kept.demonstrations.source, states.as_deref(), &kept.ids);
+            lerobot::write(&out, &episodes, states.as_deref(), steps_per_sec, &kept.identity.task)?;
+            written(&kept, &out)
+        }
+        Form::Minari => {
+            let out = folder(arguments)?;
+            let name = convert::minari_id(&out);
+            if kept.demonstrations.source.format == Format::MinariHdf5 {
+                minari::write_subset(&out, &kept.demonstrations.path, &labels(&kept), &name)?;
+            } else {
+                let (episodes, _) = convert::chosen(&kept.demonstrations.source, None, &kept.ids);
+                minari::write(&out, &episodes, &name)?;
+            }
+            written(&kept, &out)
+        }
+        Form::RobomimicFilterKey => add_filter_key(&kept, arguments),
+    }
+}
+
+fn open(run: &Path) -> Result<Kept> {
+    let (identity, folder) = run_folder::of_finished(run)?;
+    let data = identity.data.clone().ok_or_else(|| {
+        Error::bad_input("this run has no demonstrations; wanted one of sift or select").at(run)
+    })?;
+    let subset = Subset::recall(&folder, "")?.ok_or_else(|| {
+        Error::bad_input("this run has kept no demonstrations yet")
+            .at(run)
+            .with_hint("demosift select --resume --out RUN ranks them and keeps the best")
+    })?;
+    let demonstrations = demonstrations::open(None, &SourceArguments::default(), Some(&data))?;
+    let found = demonstrations.data()?.sha256;
+    if found != data.sha256 {
+        return Err(Error::bad_input(format!(
+            "the demonstrations are not those of the run: their SHA-256 was {}, and is {found} now",
+            data.sha256
+        ))
+        .at(&data.path));
+    }
+    let mut ids: Vec<usize> = subset.demos.iter().map(|demo| demo.0).collect();
+    ids.sort_unstable();
+    Ok(Kept { identity, data, folder, demonstrations, ids })
+}
+
+/// What the file calls the kept demonstrations, in its order.
+fn labels(kept: &Kept) -> Vec<String> {
+    kept.ids.iter().map(|&id| kept.demonstrations.source.episodes[id].label.clone()).collect()
+}
+
+fn episode_list(kept: &Kept) -> Result<String> {
+    match kept.demonstrations.source.format {
+        Format::LeRobotV3 | Format::LeRobotV2 => Ok(format!("[{}]", labels(kept).join(","))),
+        other => Err(Error::bad_input(format!(
+            "the demonstrations are stored as {other}, so they have no numbers in a LeRobot data set"
+        ))
+        .at(&kept.data.path)
+        .with_hint("--as lerobot --out FOLDER writes the kept ones as a LeRobot data set")),
+    }
+}
+
+fn add_filter_key(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
+    let path = &kept.demonstrations.path;
+    if kept.demonstrations.source.format != Format::Robomimic {
+        return Err(Error::bad_input(format!(
+            "the demonstrations are stored as {}; only a robomimic file has filter keys",
+            kept.demonstrations.source.format
+        ))
+        .at(path));
+    }
+    if !arguments.edit_my_file {
+        return Err(Error::bad_config("a filter key is written into the file of the demonstrations itself")
+            .at(path)
+            .with_hint("add --edit-my-file to allow it; nothing but the key is changed"));
+    }
+    robomimic::add_filter_key(path, &arguments.name, &labels(kept))?;
+    terminal::show(&format!(
+        "Filter key '{}' of {} demonstrations: {}\n",
+        arguments.name,
+        kept.ids.len(),
+        path.display()
+    ));
+    Ok(())
+}
+
+/// Every demonstration of a run, with where the numbers come from.
+fn as_json(kept: &Kept) -> Result<Value> {
+    let configuration = Layer::from_file(&kept.folder.path().join(run_folder::RESOLVED))?;
+    Ok(json!({
+        "demosift": kept.identity.demosift,
+        "task": kept.identity.task,
+        "task_sha256": kept.identity.task_sha256,
+        "data": kept.data,
+        "seed": configuration.values.get("seed"),
+        "configuration": configuration.values,
+        "demonstrations": rows(kept)?,
+    }))
+}
+
+fn rows(kept: &Kept) -> Result<Vec<Value>> {
+    let ranking = Ranking::recall(&kept.folder, "")?
+        .ok_or_else(|| Error::bad_input("this run has no ranking").at(kept.folder.path()))?;
+    let uncertainty = Uncertainty::recall(&kept.folder, "")?;
+    let weighing = Weighing::recall(&kept.folder, "")?;
+    let weights = weighing.as_ref().and_then(|weighing| weighing.rounds.last()).map(|round| &round.weights);
+    let rows = ranking.entries.iter().enumerate().map(|(rank, ranked)| {
+        let demo: DemoId = ranked.demo;
+        let doubt = uncertainty.as_ref().and_then(|uncertainty| uncertainty.of(demo));
+        json!({
+            "demonstration": demo,
+            "label": kept.demonstrations.source.episodes[demo.0].label,
+            "steps": kept.demonstrations.set.get(demo).steps(),
+            "rank": rank + 1,
+            "kept": kept.ids.contains(&demo.0),
+            "score": ranked.score,
+            "low": doubt.map(|doubt| doubt.low),
+            "high": doubt.map(|doubt| doubt.high),
+            "before": ranked.before,
+            "after": ranked.after,
+            "improves": doubt.map(|doubt| doubt.improves),
+            "weight": weights.map(|weights| weights.of(demo)),
+        })
+    });
+    Ok(rows.collect())
+}
+
+/// The same as a table; what it comes from stands in lines that begin with `#`.
+fn as_csv(kept: &Kept) -> Result<String> {
+    const COLUMNS: [&str; 12] = [
+        "demonstration",
+        "label",
+        "steps",
+        "rank",
+        "kept",
+        "score",
+        "low",
+        "high",
+        "before",
+        "after",
+        "improves",
+        "weight",
+    ];
+    let all = as_json(kept)?;
+    let mut text = format!(
+        "# demosift {}, task {}, seed {}, data sha256 {}\n{}\n",
+        kept.identity.demosift,
+        kept.identity.task,
+        all["seed"],
+        kept.data.sha256,
+        COLUMNS.join(",")
+    );
+    for row in rows(kept)? {
+        let cells = COLUMNS.map(|column| match &row[column] {
+            Value::Null => String::new(),
+            Value::String(word) if word.contains([',', '"', '\n']) => {
+                format!("\"{}\"", word.replace('"', "\"\""))
+            }
+            Value::String(word) => word.clone(),
+            other => other.to_string(),
+        });
+        text += &cells.join(",");
+        text.push('\n');
+    }
+    Ok(text)
+}
+
+/// Prints words, or writes them where they are wanted.
+fn say(text: &str, arguments: &ExportArguments) -> Result<()> {
+    match &arguments.out {
+        Some(out) => files::write_atomically(out, text.as_bytes()),
+        None => {
+            terminal::show(text);
+            Ok(())
+        }
+    }
+}
+
+fn folder(arguments: &ExportArguments) -> Result<PathBuf> {
+    arguments.out.clone().ok_or_else(|| {
+        Error::bad_config("a data set is a folder, and none is named").with_hint("add --out FOLDER")
+    })
+}
+
+fn written(kept: &Kept, out: &Path) -> Result<()> {
+    terminal::show(&format!(
+        "{} of {} demonstrations: {}\n",
+        kept.ids.len(),
+        kept.demonstrations.set.len(),
+        out.display()
+    ));
+    Ok(())
+}

@@ -1,0 +1,145 @@
+//! `demosift inspect`: what a file of demonstrations holds, and whether one could learn from it.
+
+use demosift::Result;
+use demosift::demonstration::inspection::{self, Inspection, Spread};
+use demosift::experiment;
+use serde_json::json;
+
+use crate::arguments::InspectArguments;
+use crate::tables::table;
+use crate::{demonstrations, task, terminal};
+
+/// Episodes and columns that are shown one by one before only the odd ones are.
+const SHOWN: usize = 24;
+
+pub(crate) fn run(arguments: &InspectArguments) -> Result<()> {
+    let chosen = arguments.task.as_deref().map(task::choose).transpose()?;
+    let (source, path) =
+        demonstrations::open_unchecked(Some(&arguments.demonstrations), &arguments.source, None)?;
+    let seen = inspection::inspect(&source);
+    let set = source.set();
+    let fits = chosen.as_ref().map(|chosen| {
+        let specification = chosen.task.specification();
+        match &set {
+            Ok(set) => experiment::check_fits(set, specification).map_err(|error| error.to_string()),
+            Err(_) => Err("the set is not fit to learn from".to_owned()),
+        }
+    });
+    let wrong = set.as_ref().err().map(ToString::to_string);
+    if arguments.json {
+        terminal::show_json(&json!({
+            "path": path,
+            "inspection": seen,
+            "learnable": wrong.is_none(),
+            "why_not": wrong,
+            "task": arguments.task,
+            "fits_task": fits.as_ref().map(std::result::Result::is_ok),
+            "why_it_does_not_fit": fits.as_ref().and_then(|fits| fits.as_ref().err()),
+        }));
+        return Ok(());
+    }
+    terminal::show(&format!("{}\n\n", summary(&seen)));
+    terminal::show(&episodes(&seen));
+    terminal::show(&columns(&seen));
+    if let Some(wrong) = wrong {
+        terminal::show(&format!("\nNobody can learn from this set: {wrong}.\n"));
+    }
+    if let (Some(fits), Some(task)) = (fits, &arguments.task) {
+        terminal::show(&match fits {
+            Ok(()) => format!("\nIt fits the task '{task}'.\n"),
+            Err(why) => format!("\nIt does not fit the task '{task}': {why}.\n"),
+        });
+    }
+    Ok(())
+}
+
+fn summary(seen: &Inspection) -> String {
+    let lengths = seen.episodes.iter().map(|episode| episode.steps);
+    let span = match (lengths.clone().min(), lengths.max()) {
+        (Some(least), Some(most)) if least == most => format!("of {least} steps each"),
+        (Some(least), Some(most)) => format!("of {least} to {most} steps, {} in all", seen.steps),
+        _ => String::new(),
+    };
+    let dropped = match seen.dropped_steps {
+        0 => String::new(),
+        steps => format!("\n{steps} steps after the last complete episode were left out."),
+    };
+    format!(
+        "{} episodes {span}, stored as {}.\nAn observation is {} ({} numbers), an action {} ({} numbers).{dropped}",
+        seen.episodes.len(),
+        seen.format,
+        seen.columns.observations.join(" + "),
+        seen.observations.len(),
+        seen.columns.actions.join(" + "),
+        seen.actions.len()
+    )
+}
+
+fn episodes(seen: &Inspection) -> String {
+    let all = seen.episodes.len() <= SHOWN;
+    let sizes = (seen.observations.len(), seen.actions.len());
+    let odd = |index: &usize| {
+        let episode = &seen.episodes[*index];
+        all || episode.not_finite > 0 || (episode.observation_size, episode.action_size) != sizes
+    };
+    let shown: Vec<usize> = (0..seen.episodes.len()).filter(odd).collect();
+    let rows: Vec<Vec<String>> = shown
+        .iter()
+        .map(|&index| {
+            let episode = &seen.episodes[index];
+            vec![
+                index.to_string(),
+                episode.label.clone(),
+                episode.steps.to_string(),
+                episode.not_finite.to_string(),
+            ]
+        })
+        .collect();
+    let rest = match seen.episodes.len() - shown.len() {
+        0 => String::new(),
+        rest => format!("  … and {rest} more without anything odd\n"),
+    };
+    let header = ["demonstration", "in the file", "steps", "not finite"];
+    if rows.is_empty() { rest } else { table(&header, &rows) + &rest }
+}
+
+fn columns(seen: &Inspection) -> String {
+    let mut rows = Vec::new();
+    let few = seen.observations.len() + seen.actions.len() <= 2 * SHOWN;
+    for (what, spreads, bounded) in
+        [("observation", &seen.observations, false), ("action", &seen.actions, true)]
+    {
+        for (index, spread) in spreads.iter().enumerate() {
+            let remarks = remarks(spread, bounded);
+            if few || bounded || !remarks.is_empty() {
+                let number =
+                    |value: Option<f32>| value.map_or("none".to_owned(), |value| format!("{value:.4}"));
+                rows.push(vec![
+                    format!("{what} {index}"),
+                    number(spread.least),
+                    number(spread.greatest),
+                    remarks,
+                ]);
+            }
+        }
+    }
+    let rest = match seen.observations.len() + seen.actions.len() - rows.len() {
+        0 => String::new(),
+        rest => format!("  … and {rest} more without anything odd\n"),
+    };
+    format!("\n{}{rest}", table(&["number", "least", "greatest", ""], &rows))
+}
+
+fn remarks(spread: &Spread, bounded: bool) -> String {
+    let mut remarks = Vec::new();
+    if spread.is_constant() {
+        remarks.push("constant".to_owned());
+    }
+    if spread.not_finite > 0 {
+        remarks.push(format!("not finite at {} steps", spread.not_finite));
+    }
+    if bounded && spread.outside > 0 {
+        remarks.push(format!("outside [-1, 1] at {} steps", spread.outside));
+    }
+    remarks.join(", ")
+}

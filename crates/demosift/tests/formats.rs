@@ -1,0 +1,323 @@
+//! Files that other tools wrote (`formats/make.py`, `docs/formats.md`) are read, damaged ones are refused, and what is written is
+//! read again.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use demosift::demonstration::source::{self, Columns, Format, Source};
+use demosift::demonstration::{self, lerobot, minari, robomimic};
+use demosift::error::Error;
+use demosift::trajectory::StateLog;
+
+const LENGTHS: [usize; 3] = [4, 3, 5];
+
+/// Each file or folder of `formats/`, with the columns that make an observation and the final observations it keeps.
+const FIXTURES: [(&str, Format, &[&str], bool); 8] = [
+    ("lerobot_v3", Format::LeRobotV3, &["observation.state"], false),
+    ("lerobot_v2", Format::LeRobotV2, &["observation.state"], false),
+    ("minari_hdf5", Format::MinariHdf5, &["observations"], true),
+    ("minari_parquet", Format::MinariParquet, &["observations"], true),
+    ("minari_parquet_dict", Format::MinariParquet, &["observations/position", "observations/velocity"], true),
+    ("robomimic.hdf5", Format::Robomimic, &["obs/joint", "obs/wrist"], true),
+    ("imitation.npz", Format::ImitationNpz, &["obs"], true),
+    ("baselines.npz", Format::BaselinesNpz, &["obs"], false),
+];
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/formats").join(name)
+}
+
+/// A folder that goes away with the test.
+struct Scratch(PathBuf);
+
+impl Scratch {
+    fn new(name: &str) -> Self {
+        let folder = std::env::temp_dir().join(format!("demosift-formats-{}-{name}", std::process::id()));
+        let _ = fs::remove_dir_all(&folder);
+        fs::create_dir_all(&folder).unwrap();
+        Self(folder)
+    }
+
+    /// A copy of a fixture.
+    fn copy(&self, name: &str) -> PathBuf {
+        let to = self.0.join(name);
+        copy(&fixture(name), &to);
+        to
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+fn copy(from: &Path, to: &Path) {
+    if !from.is_dir() {
+        fs::copy(from, to).unwrap();
+        return;
+    }
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        copy(&entry.path(), &to.join(entry.file_name()));
+    }
+}
+
+fn read(path: &Path) -> demosift::Result<Source> {
+    source::open(path, None, &Columns::default())
+}
+
+/// Number `column` of the observation before step `step` of an episode, as `make.py` has it.
+fn observation(episode: usize, step: usize, column: usize) -> f32 {
+    (episode as f64 + 0.1 * step as f64 + column as f64).sin() as f32
+}
+
+fn action(episode: usize, step: usize, column: usize) -> f32 {
+    ((episode as f64 + 0.1 * step as f64 + column as f64).cos() / 2.0) as f32
+}
+
+#[track_caller]
+fn assert_close(found: f32, wanted: f32) {
+    assert!((found - wanted).abs() < 1e-6, "{found} is not {wanted}");
+}
+
+#[test]
+fn what_other_tools_wrote_is_read() {
+    for (name, format, observations, keeps_last) in FIXTURES {
+        let source = read(&fixture(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_eq!(source.format, format, "{name}");
+        assert_eq!(source.columns.observations, observations, "{name}");
+        assert_eq!(source.dropped_steps, 0, "{name}");
+        let lengths: Vec<usize> = source.episodes.iter().map(|episode| episode.actions.len()).collect();
+        // What baselines writes has one length.
+        let wanted = if format == Format::BaselinesNpz { [4, 4, 4] } else { LENGTHS };
+        assert_eq!(lengths, wanted, "{name}");
+        for (index, episode) in source.episodes.iter().enumerate() {
+            assert_eq!((episode.observations.width(), episode.actions.width()), (3, 2), "{name}");
+            assert_eq!(episode.label.trim_start_matches("demo_"), index.to_string());
+            for step in 0..lengths[index] {
+                (0..3).for_each(|j| {
+                    assert_close(episode.observations.row(step)[j], observation(index, step, j))
+                });
+                (0..2).for_each(|k| assert_close(episode.actions.row(step)[k], action(index, step, k)));
+            }
+            assert_eq!(episode.last_observation.is_some(), keeps_last, "{name}");
+            for (j, &found) in episode.last_observation.iter().flatten().enumerate() {
+                assert_close(found, observation(index, lengths[index], j));
+            }
+        }
+        let set = source.set().unwrap();
+        assert_eq!((set.len(), set.observation_size(), set.action_size()), (3, 3, 2), "{name}");
+        assert_eq!(source, source::open(&fixture(name), Some(format), &Columns::default()).unwrap());
+        assert!(!source::files(&fixture(name), None).unwrap().is_empty());
+        assert_eq!(demonstration::read_states(&fixture(name), None).unwrap(), None, "{name}");
+    }
+}
+
+#[test]
+fn parts_of_a_data_set_lead_to_it() {
+    let whole = read(&fixture("minari_hdf5")).unwrap();
+    for part in ["minari_hdf5/data", "minari_hdf5/data/main_data.hdf5"] {
+        assert_eq!(read(&fixture(part)).unwrap(), whole, "{part}");
+    }
+    assert_eq!(read(&fixture("minari_parquet/data")).unwrap(), read(&fixture("minari_parquet")).unwrap());
+}
+
+#[test]
+fn columns_are_read_in_the_order_in_which_they_are_named() {
+    for (name, observations, actions) in [
+        ("robomimic.hdf5", ["obs/wrist", "obs/joint"], "actions"),
+        ("minari_parquet_dict", ["observations/velocity", "observations/position"], "actions"),
+    ] {
+        let columns = Columns {
+            observations: observations.map(str::to_owned).to_vec(),
+            actions: vec![actions.to_owned()],
+        };
+        let source = source::open(&fixture(name), None, &columns).unwrap();
+        assert_eq!(source.columns, columns);
+        let first = source.episodes[1].observations.row(2);
+        for (&found, j) in first.iter().zip([1, 2, 0]) {
+            assert_close(found, observation(1, 2, j));
+        }
+        let wrong = Columns { observations: vec!["obs/elbow".to_owned()], ..Columns::default() };
+        let error = source::open(&fixture(name), None, &wrong).unwrap_err();
+        assert_says(&error, &["elbow", name]);
+    }
+}
+
+#[track_caller]
+fn assert_says(error: &Error, wanted: &[&str]) {
+    assert!(error.is_bad_input(), "{error}");
+    let message = format!("{error} / {}", error.hint().unwrap_or_default());
+    for part in wanted {
+        assert!(message.contains(part), "'{message}' does not say '{part}'");
+    }
+}
+
+#[test]
+fn what_is_none_is_said_to_be_none() {
+    let scratch = Scratch::new("none");
+    let file = |name: &str, bytes: &[u8]| {
+        let path = scratch.0.join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(&path, bytes).unwrap();
+        path
+    };
+    let random: Vec<u8> =
+        (0..5000_u32).map(|index| (index.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+    for (path, wanted) in [
+        (scratch.0.join("absent"), &["does not exist", "absent"][..]),
+        (file("empty", b""), &["empty", "copied"]),
+        (file("random", &random), &["not an HDF5 file", "npz"]),
+        (file("words.csv", b"step,action\n"), &["not an HDF5 file"]),
+        (file("cut.npz", b"PK\x03\x04"), &["npz", "damaged or truncated"]),
+        (
+            fixture("lerobot_v3/data/chunk-000/file-000.parquet"),
+            &["one parquet file", "the folder of the whole set"],
+        ),
+        (fixture("lerobot_v3/data"), &["no demonstrations.hdf5", "meta/info.json"]),
+    ] {
+        assert_says(&read(&path).unwrap_err(), wanted);
+    }
+    for (text, wanted) in [
+        ("", &["does not describe", "info.json"][..]),
+        ("{\"codebase_version\": \"v1.6\"}", &["'v1.6'", "v3.0, v2.1 or v2.0"]),
+        ("{\"codebase_version\": \"v3.0\"}", &["no folder 'data'"]),
+    ] {
+        file("lerobot/meta/info.json", text.as_bytes());
+        assert_says(&read(&scratch.0.join("lerobot")).unwrap_err(), wanted);
+    }
+}
+
+#[test]
+fn a_data_set_that_lacks_files_is_not_taken_for_a_smaller_one() {
+    let scratch = Scratch::new("lacks");
+    let path = scratch.copy("lerobot_v2");
+    fs::remove_file(path.join("data/chunk-000/episode_000002.parquet")).unwrap();
+    assert_says(&read(&path).unwrap_err(), &["says 3 episodes, and the tables hold 2", "whole folder"]);
+    let path = scratch.copy("minari_parquet");
+    fs::remove_file(path.join("data/1/part-0.parquet")).unwrap();
+    assert_says(&read(&path).unwrap_err(), &["no parquet file", "data/1"]);
+}
+
+/// Each file that a fixture consists of, cut short and with bytes turned over: an error or harmless, never a panic.
+#[test]
+fn damage_anywhere_is_an_error_or_harmless_but_never_a_panic() {
+    let scratch = Scratch::new("damage");
+    for (name, format, ..) in FIXTURES {
+        let path = scratch.copy(name);
+        for file in source::files(&path, Some(format)).unwrap() {
+            let whole = fs::read(&file).unwrap();
+            for len in (0..whole.len()).step_by(whole.len() / 40 + 1) {
+                fs::write(&file, &whole[..len]).unwrap();
+                check(
+                    source::open(&path, Some(format), &Columns::default()),
+                    &format!("{name} cut at {len}"),
+                );
+                check(read(&path), &format!("{name} cut at {len}"));
+            }
+            for (at, flip) in
+                (0..whole.len()).step_by(whole.len() / 900 + 1).zip([0xff, 0x01, 0x80, 0x10].iter().cycle())
+            {
+                let mut bytes = whole.clone();
+                bytes[at] ^= flip;
+                fs::write(&file, &bytes).unwrap();
+                check(
+                    source::open(&path, Some(format), &Columns::default()),
+                    &format!("{name} turned over at {at}"),
+                );
+            }
+            fs::write(&file, &whole).unwrap();
+        }
+    }
+    // Where Linux tells, nothing asked for more memory than all these files together could need.
+    if let Ok(status) = fs::read_to_string("/proc/self/status") {
+        let most = status
+            .lines()
+            .find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse().ok());
+        assert!(most.is_some_and(|kilobytes: u64| kilobytes < 400_000), "{most:?} kB were in use");
+    }
+}
+
+#[track_caller]
+fn check(found: demosift::Result<Source>, what: &str) {
+    match found {
+        Ok(source) => drop(source.set()),
+        Err(error) => assert!(error.is_bad_input() && error.to_string().contains(": /"), "{what}: {error}"),
+    }
+}
+
+#[test]
+fn what_is_written_is_read_again() {
+    let scratch = Scratch::new("written");
+    let original = read(&fixture("minari_hdf5")).unwrap();
+    let states: Vec<StateLog> = LENGTHS
+        .iter()
+        .map(|&len| StateLog { qpos: (0..2 * len).map(|at| at as f64 / 3.0).collect(), qvel: vec![0.1; len] })
+        .collect();
+
+    let path = scratch.0.join("lerobot");
+    lerobot::write(&path, &original.episodes, Some(&states), 50, "reach").unwrap();
+    let again = read(&path).unwrap();
+    assert_eq!(again.format, Format::LeRobotV3);
+    assert_eq!(again.set().unwrap(), original.set().unwrap());
+    assert_eq!(demonstration::read_states(&path, None).unwrap().unwrap(), states, "in full precision");
+
+    let path = scratch.0.join("minari");
+    minari::write(&path, &original.episodes, "demosift/test-v0").unwrap();
+    assert_eq!(read(&path).unwrap(), original, "final observations too");
+    let error = minari::write(&path, &original.episodes, "demosift/test-v0").unwrap_err();
+    assert_says(&error, &["already", "new folder"]);
+
+    // Without a final observation the last action has no successor, so Minari cannot hold it.
+    let path = scratch.0.join("shorter");
+    minari::write(&path, &again.episodes, "demosift/test-v0").unwrap();
+    for (shorter, episode) in read(&path).unwrap().episodes.iter().zip(&again.episodes) {
+        let steps = episode.actions.len() - 1;
+        assert_eq!(shorter.actions, episode.actions.head(steps));
+        assert_eq!(shorter.observations, episode.observations.head(steps));
+        assert_eq!(shorter.last_observation.as_deref(), Some(episode.observations.row(steps)));
+    }
+}
+
+#[test]
+fn a_filter_key_is_all_that_changes_in_a_robomimic_file() {
+    let scratch = Scratch::new("key");
+    let path = scratch.copy("robomimic.hdf5");
+    let before = read(&path).unwrap();
+    let hash = source::sha256(&before, &path).unwrap();
+    let labels = ["demo_0".to_owned(), "demo_2".to_owned()];
+    robomimic::add_filter_key(&path, "demosift", &labels).unwrap();
+    robomimic::add_filter_key(&path, "second", &labels[1..]).unwrap();
+    let after = read(&path).unwrap();
+    assert_eq!(after, before);
+    assert_eq!(source::sha256(&after, &path).unwrap(), hash, "a run on this file can go on");
+    let file = hdf5_pure::File::open(&path).unwrap();
+    assert_eq!(file.dataset("mask/demosift").unwrap().read_string().unwrap(), labels);
+    assert_eq!(file.dataset("mask/second").unwrap().read_string().unwrap(), labels[1..]);
+    let once_more = robomimic::add_filter_key(&path, "demosift", &labels).unwrap_err();
+    assert_says(&once_more, &["'demosift' already", "another name", "robomimic.hdf5"]);
+    assert_says(&robomimic::add_filter_key(&path, "a/b", &labels).unwrap_err(), &["'a/b'", "without '/'"]);
+}
+
+#[test]
+fn a_minari_subset_holds_all_that_the_original_does() {
+    let scratch = Scratch::new("subset");
+    let path = scratch.0.join("subset");
+    let original = fixture("minari_hdf5/data/main_data.hdf5");
+    minari::write_subset(&path, &original, &["0".to_owned(), "2".to_owned()], "demosift/test-v0").unwrap();
+    let (whole, subset) = (read(&original).unwrap(), read(&path).unwrap());
+    for (place, kept) in [0, 2].into_iter().enumerate() {
+        assert_eq!(subset.episodes[place].label, place.to_string());
+        assert_eq!(subset.episodes[place].actions, whole.episodes[kept].actions);
+    }
+    let file = hdf5_pure::File::open(path.join("data/main_data.hdf5")).unwrap();
+    assert_eq!(file.dataset("episode_1/rewards").unwrap().read_f64().unwrap(), vec![2.0; 5]);
+    let error =
+        minari::write_subset(&scratch.0.join("none"), &original, &["7".to_owned()], "x-v0").unwrap_err();
+    assert!(error.is_bad_input(), "{error}");
+    assert_eq!(fs::read_dir(&scratch.0).unwrap().count(), 1, "nothing is left of what failed");
+}

@@ -1,0 +1,166 @@
+"""Writes the small files of this folder, each by the tool whose format it is.
+
+    python make.py TOOL [...]                          with TOOL one of those below
+    python make.py robomimic-of-minari FOLDER FILE     for check.py
+
+Each tool needs its own package; they do not all install beside each other.
+The versions that made the files here stand in docs/formats.md.
+Every file holds the same three episodes of 4, 3 and 5 steps, so that one test reads them all:
+
+    observation j of step t of episode i:  sin(i + 0.1 t + j)     (three numbers)
+    action k of step t of episode i:       cos(i + 0.1 t + k) / 2 (two numbers)
+"""
+
+import pathlib
+import shutil
+import sys
+
+import numpy as np
+
+HERE = pathlib.Path(__file__).parent
+LENGTHS = [4, 3, 5]
+
+
+def observations(i, steps):
+    t, j = np.meshgrid(np.arange(steps), np.arange(3), indexing="ij")
+    return np.sin(i + 0.1 * t + j).astype(np.float32)
+
+
+def actions(i, steps):
+    t, k = np.meshgrid(np.arange(steps), np.arange(2), indexing="ij")
+    return (np.cos(i + 0.1 * t + k) / 2).astype(np.float32)
+
+
+def fresh(name):
+    path = HERE / name
+    shutil.rmtree(path, ignore_errors=True)
+    path.unlink(missing_ok=True)
+    return path
+
+
+def lerobot(name):
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+    features = {
+        "observation.state": {"dtype": "float32", "shape": (3,), "names": ["x", "y", "z"]},
+        "action": {"dtype": "float32", "shape": (2,), "names": ["a", "b"]},
+        "next.reward": {"dtype": "float32", "shape": (1,), "names": None},
+    }
+    root = fresh(name)
+    dataset = LeRobotDataset.create("demosift/fixture", fps=50, features=features, root=root, use_videos=False)
+    for i, steps in enumerate(LENGTHS):
+        for o, a in zip(observations(i, steps), actions(i, steps)):
+            reward = np.array([float(i)], dtype=np.float32)
+            dataset.add_frame({"observation.state": o, "action": a, "next.reward": reward, "task": "reach"}
+                              if name == "lerobot_v3" else {"observation.state": o, "action": a, "next.reward": reward},
+                              **({} if name == "lerobot_v3" else {"task": "reach"}))
+        dataset.save_episode()
+    if hasattr(dataset, "finalize"):
+        dataset.finalize()
+    shutil.rmtree(root / "images", ignore_errors=True)
+
+
+def minari(name, data_format):
+    import gymnasium as gym
+    from minari.data_collector import EpisodeBuffer
+    from minari.dataset.minari_storage import MinariStorage
+
+    root = fresh(name)
+    data = root / "data"
+    data.parent.mkdir(parents=True)
+    space = gym.spaces.Dict({
+        "position": gym.spaces.Box(-np.inf, np.inf, (1,), np.float32),
+        "velocity": gym.spaces.Box(-np.inf, np.inf, (2,), np.float32),
+    }) if "dict" in name else gym.spaces.Box(-np.inf, np.inf, (3,), np.float32)
+    storage = MinariStorage.new(
+        data, observation_space=space, action_space=gym.spaces.Box(-1, 1, (2,), np.float32), data_format=data_format
+    )
+    for i, steps in enumerate(LENGTHS):
+        o = observations(i, steps + 1)
+        ends = np.arange(steps) == steps - 1
+        storage.update_episodes([EpisodeBuffer(
+            id=i, observations={"position": o[:, :1], "velocity": o[:, 1:]} if "dict" in name else o,
+            actions=actions(i, steps), rewards=np.full(steps, float(i)), terminations=np.zeros(steps, bool), truncations=ends,
+            infos={},
+        )])
+    storage.update_metadata({
+        "dataset_id": "demosift/fixture-v0",
+        "algorithm_name": "none", "author": {"demosift"}, "author_email": {"none"}, "code_permalink": "none",
+    })
+
+
+def robomimic(name):
+    """robomimic has no writer of its own: its converters write this layout with h5py, as is done here."""
+    import h5py
+
+    with h5py.File(fresh(name), "w") as file:
+        data = file.create_group("data")
+        for i, steps in enumerate(LENGTHS):
+            group = data.create_group(f"demo_{i}")
+            o = observations(i, steps + 1)
+            group.create_dataset("actions", data=actions(i, steps).astype(np.float64))
+            group.create_dataset("rewards", data=np.full(steps, float(i)))
+            group.create_dataset("dones", data=(np.arange(steps) == steps - 1).astype(np.int64))
+            group.create_dataset("states", data=np.zeros((steps, 4)))
+            for key, part in [("obs", o[:-1]), ("next_obs", o[1:])]:
+                group.create_dataset(f"{key}/joint", data=part[:, :1].astype(np.float64))
+                group.create_dataset(f"{key}/wrist", data=part[:, 1:].astype(np.float64), compression="gzip")
+                group.create_dataset(f"{key}/camera_image", data=np.zeros((steps, 2, 2, 3), np.uint8))
+            group.attrs["num_samples"] = steps
+            group.attrs["model_file"] = "<mujoco/>"
+        data.attrs["total"] = sum(LENGTHS)
+        data.attrs["env_args"] = '{"env_name": "Fixture", "type": 2, "env_kwargs": {}}'
+
+
+def imitation(name):
+    from imitation.data import types
+
+    types.save(fresh(name), [
+        types.TrajectoryWithRew(
+            obs=observations(i, steps + 1), acts=actions(i, steps), infos=None, terminal=True, rews=np.full(steps, float(i))
+        )
+        for i, steps in enumerate(LENGTHS)
+    ])
+
+
+def baselines(name):
+    """baselines publishes files of this layout and reads them; like its users, we save it with numpy. Episodes of one length."""
+    steps = 4
+    np.savez(
+        fresh(name),
+        obs=np.stack([observations(i, steps) for i in range(3)]),
+        acs=np.stack([actions(i, steps) for i in range(3)]),
+        ep_rets=np.arange(3.0), rews=np.ones((3, steps)),
+    )
+
+
+def robomimic_of_minari(source, path):
+    """A robomimic file of a Minari data set, to try filter keys on a set of any task."""
+    import h5py
+
+    with h5py.File(pathlib.Path(source) / "data/main_data.hdf5") as old, h5py.File(path, "w") as new:
+        for i in range(len(old)):
+            episode, group = old[f"episode_{i}"], new.create_group(f"data/demo_{i}")
+            group.create_dataset("actions", data=episode["actions"][:])
+            group.create_dataset("obs/flat", data=episode["observations"][:-1])
+            group.attrs["num_samples"] = len(episode["actions"])
+        new["data"].attrs["total"] = sum(group.attrs["num_samples"] for group in new["data"].values())
+        new["data"].attrs["env_args"] = "{}"
+
+
+TOOLS = {
+    "lerobot-v3": lambda: lerobot("lerobot_v3"),
+    "lerobot-v2": lambda: lerobot("lerobot_v2"),
+    "minari": lambda: (minari("minari_hdf5", "hdf5"), minari("minari_parquet", "parquet"),
+                       minari("minari_parquet_dict", "parquet")),
+    "robomimic": lambda: robomimic("robomimic.hdf5"),
+    "imitation": lambda: imitation("imitation.npz"),
+    "baselines": lambda: baselines("baselines.npz"),
+}
+
+if __name__ == "__main__":
+    if sys.argv[1] == "robomimic-of-minari":
+        robomimic_of_minari(*sys.argv[2:])
+    else:
+        for tool in sys.argv[1:]:
+            TOOLS[tool]()
