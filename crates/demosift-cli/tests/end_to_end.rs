@@ -169,6 +169,34 @@ fn the_oracle_tells_every_agreement_and_goes_on_with_more_repeats() {
     assert!(said.contains("Kendall's: ") && said.contains("Of the ranking's first 2, among"), "{said}");
 }
 
+#[test]
+fn the_kept_are_compared_with_random_subsets_and_the_best_alone() {
+    let scratch = Scratch::new("oracle-random");
+    scratch.succeed(&format!("sift set {TASK} --out run"));
+    let said = scratch.succeed("oracle --out run --resume --repeats 1 --random 2 --json");
+    let value: serde_json::Value = serde_json::from_str(&said).unwrap();
+    let kept = &value["kept"];
+    assert_eq!(kept["random"].as_array().unwrap().len(), 2, "{said}");
+    assert!(kept["share_of_best"].is_f64() && kept["against_random"]["beaten"].is_f64(), "{said}");
+    let files = scratch.files("run");
+    let size = |name: &str| {
+        let curve: serde_json::Value = serde_json::from_slice(&files[name]).unwrap();
+        curve["demos"].as_array().unwrap().len()
+    };
+    assert_eq!(size("learning_curve_random_1.json"), size("learning_curve_subset.json"));
+    let said = scratch.succeed("oracle --out run --resume --repeats 1 --random 2");
+    assert!(
+        said.contains("of the way from an untrained policy") && said.contains("random subsets"),
+        "{said}"
+    );
+    assert!(said.lines().all(|line| line.chars().count() <= 100), "{said}");
+    scratch.succeed(&format!("select set {TASK} --out other"));
+    let output = scratch.run("oracle --out other --resume --repeats 1 --random 2");
+    assert_eq!(output.status.code(), Some(2));
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("--random compares with") && said.contains("hint: "), "{said}");
+}
+
 /// Each method is a run of its own, spends about the same, and says so after a resume as well.
 #[test]
 fn every_method_judges_on_the_same_budget() {

@@ -514,6 +514,15 @@ pub fn oracle(run: &mut Run<'_>, demo: DemoId, repeat: usize) -> Result<Learning
     learning_curve_with(run, &format!("oracle_{demo}_{repeat}"), &[demo], &seed)
 }
 
+/// From scratch on a random subset of so many demonstrations, with the random numbers of the kept one; `number` tells
+/// several apart.
+pub fn random_subset(run: &mut Run<'_>, size: usize, number: usize) -> Result<LearningCurve> {
+    use rand::seq::IndexedRandom;
+    let mut rng = Seed::new(run.config.seed).of("random_subset").at(number).into_rng();
+    let demos: Vec<DemoId> = run.set.ids().sample(&mut rng, size).copied().collect();
+    learning_curve(run, &format!("random_{number}"), &demos)
+}
+
 fn learning_curve_with(
     run: &mut Run<'_>,
     part: &str,

@@ -2,7 +2,10 @@
 
 use demosift::artifact::Artifact;
 use demosift::demonstration::DemoId;
+use demosift::experiment::Run;
 use demosift::heuristic::Score;
+use demosift::imitate::LearningCurve;
+use demosift::metrics::AgainstRandom;
 use demosift::select::Ranking;
 use demosift::{Error, Result, experiment, metrics};
 use serde_json::json;
@@ -27,16 +30,23 @@ pub(crate) fn run(arguments: &OracleArguments) -> Result<()> {
     }
     let mut job = Job::open(&arguments.job)?;
     let ids = job.set().ids();
-    let (alone, ranking) = job.run(|run| {
-        let mut alone = Vec::with_capacity(ids.len());
-        for &demo in &ids {
-            let scores = (0..arguments.repeats)
-                .map(|repeat| experiment::oracle(run, demo, repeat).map(|curve| curve.outcome.score))
-                .collect::<Result<Vec<_>>>()?;
-            let mean = metrics::mean(&scores);
-            alone.push(Alone { demo, scores, mean });
+    let (alone, ranking, worth) = job.run(|run| {
+        let kept = LearningCurve::recall(run.ledger, "subset")?;
+        if arguments.random > 0 && kept.is_none() {
+            return Err(Error::bad_config("--random compares with the policy from the kept demonstrations, which the run folder does not hold")
+                .with_hint("`demosift imitate --out DIR --resume` makes it"));
         }
-        Ok((alone, Ranking::recall(run.ledger, "")?))
+        let (mut alone, mut curves) = (Vec::with_capacity(ids.len()), Vec::new());
+        for &demo in &ids {
+            let of_demo = (0..arguments.repeats)
+                .map(|repeat| experiment::oracle(run, demo, repeat))
+                .collect::<Result<Vec<_>>>()?;
+            let scores: Vec<Score> = of_demo.iter().map(|curve| curve.outcome.score).collect();
+            alone.push(Alone { demo, mean: metrics::mean(&scores), scores });
+            curves.push(of_demo);
+        }
+        let worth = kept.map(|kept| worth(run, &kept, (&alone, &curves), arguments.random)).transpose()?;
+        Ok((alone, Ranking::recall(run.ledger, "")?, worth))
     })?;
     let agreement = ranking.map(|ranking| Agreement::of(&ranking, &alone));
     if arguments.job.run.json {
@@ -49,6 +59,7 @@ pub(crate) fn run(arguments: &OracleArguments) -> Result<()> {
             "spearman": agreement.as_ref().map(|agreement| agreement.spearman),
             "kendall": agreement.as_ref().map(|agreement| agreement.kendall),
             "hit_rates": agreement.as_ref().map(Agreement::hit_rates_json),
+            "kept": worth.as_ref().map(Worth::as_json),
             "unit": job.unit(),
             "run_folder": job.folder().path(),
         }));
@@ -59,8 +70,65 @@ pub(crate) fn run(arguments: &OracleArguments) -> Result<()> {
         Some(agreement) => agreement.in_words(),
         None => "\nThe run folder holds no ranking to compare with; `demosift select` makes it.\n".to_owned(),
     });
+    terminal::show(&worth.map_or(String::new(), |worth| worth.in_words(job.unit())));
     terminal::show(&kept_in(job.folder()));
     Ok(())
+}
+
+/// What the policy from the kept demonstrations is worth beside others.
+struct Worth {
+    score: Score,
+    /// The best demonstration alone, and how much of the way to its policy that from the kept went.
+    best: (DemoId, f64),
+    random: Vec<Score>,
+    against_random: AgainstRandom,
+}
+
+fn worth(
+    run: &mut Run<'_>,
+    kept: &LearningCurve,
+    (alone, curves): (&[Alone], &[Vec<LearningCurve>]),
+    random: usize,
+) -> Result<Worth> {
+    let random = (0..random)
+        .map(|number| Ok(experiment::random_subset(run, kept.demos.len(), number)?.outcome.score))
+        .collect::<Result<Vec<Score>>>()?;
+    let best = alone.iter().max_by(|a, b| a.mean.total_cmp(&b.mean)).expect("a set has demonstrations").demo;
+    let shares: Vec<f64> = curves[best.0].iter().map(|alone| metrics::share_of_best(kept, alone)).collect();
+    let score = kept.outcome.score;
+    let against_random = metrics::against_random(score, &random);
+    Ok(Worth { score, best: (best, metrics::mean(&shares)), random, against_random })
+}
+
+impl Worth {
+    fn in_words(&self, unit: &str) -> String {
+        let Self { score, best: (best, share), random, against_random } = self;
+        let scale = Scale::of(random.iter().copied().chain([*score]), unit);
+        let way = format!(
+            "The policy from the kept demonstrations went {} of the way from an untrained policy to that from \
+             demonstration {best} alone, the best.",
+            tables::percent(*share)
+        );
+        let beside = format!(
+            "It scores {}, which is {} beside the mean of {} random subsets of the same size, and beats {} of them.",
+            scale.with_unit(*score),
+            scale.signed(against_random.gain),
+            random.len(),
+            tables::percent(against_random.beaten)
+        );
+        let said = if random.is_empty() { vec![way] } else { vec![way, beside] };
+        said.iter().map(|said| format!("\n{}\n", tables::wrapped(said))).collect()
+    }
+
+    fn as_json(&self) -> serde_json::Value {
+        json!({
+            "score": self.score,
+            "best_alone": self.best.0,
+            "share_of_best": self.best.1,
+            "random": self.random,
+            "against_random": (!self.random.is_empty()).then_some(self.against_random),
+        })
+    }
 }
 
 /// How well the suitabilities agree with what the demonstrations taught alone.
