@@ -35,6 +35,8 @@ pub(crate) enum Command {
     Oracle(OracleArguments),
     /// Play a policy, or recorded demonstrations again: scores, and pictures if you want them
     Play(PlayArguments),
+    /// Write report.html into a run folder: all that the run found as one page to look at, with a 3-D replay
+    Report(ReportArguments),
     /// List the tasks that come with demosift
     Tasks(TasksArguments),
 }
@@ -196,6 +198,39 @@ fn size(typed: &str) -> Result<(usize, usize), String> {
     let sides =
         typed.split_once('x').and_then(|(width, height)| Some((width.parse().ok()?, height.parse().ok()?)));
     sides.ok_or_else(|| "wanted width and height in pixels, such as 320x240".to_owned())
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ReportArguments {
+    /// The run folder, at least judged; `demosift sift` writes its report by itself
+    #[arg(value_name = "RUN")]
+    pub(crate) run_folder: PathBuf,
+    /// Where the demonstrations are now, if they have moved since
+    #[arg(long, value_name = "SET")]
+    pub(crate) data: Option<PathBuf>,
+    /// Threads to play on; the report does not depend on it [default: all processors]
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<usize>,
+    /// Print the report's numbers as JSON too
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+impl ReportArguments {
+    /// The run as the other subcommands name it: to go on with, and nothing of it changed.
+    pub(crate) fn job(&self) -> JobArguments {
+        let run = RunArguments {
+            task: None,
+            seed: None,
+            config: None,
+            set: Vec::new(),
+            out: Some(self.run_folder.clone()),
+            resume: true,
+            threads: self.threads,
+            json: self.json,
+        };
+        JobArguments { demonstrations: self.data.clone(), keep: None, method: None, preset: None, run }
+    }
 }
 
 #[derive(Debug, Args)]

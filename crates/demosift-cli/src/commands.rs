@@ -6,6 +6,7 @@ mod meta_train;
 mod oracle;
 mod play;
 mod record;
+mod report;
 mod select;
 mod sift;
 mod tasks;
@@ -27,6 +28,7 @@ pub(crate) fn run(command: Command) -> Result<()> {
         Command::Imitate(arguments) => imitate::run(&arguments),
         Command::Oracle(arguments) => oracle::run(&arguments),
         Command::Play(arguments) => play::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
         Command::Tasks(arguments) => {
             tasks::run(&arguments);
             Ok(())

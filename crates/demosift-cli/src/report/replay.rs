@@ -1,0 +1,144 @@
+//! What the page plays: each demonstration, and the agent before and after imitating it.
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use demosift::adapt::MetaPrior;
+use demosift::artifact::Artifact;
+use demosift::demonstration::d4rl;
+use demosift::report::{self, Opinion, Part, Report, Shown};
+use demosift::trajectory::StateLog;
+use demosift::{Error, Result, experiment};
+use demosift_mujoco::mujoco_task::MujocoTask;
+use demosift_mujoco::scene::{self, Scene};
+use serde::Serialize;
+
+use crate::job::Job;
+
+/// All poses of a page, before they are written as text, which is a third longer.
+const MOST_BYTES: usize = 5_500_000;
+
+/// The scene with its episodes.
+#[derive(Serialize)]
+pub(crate) struct Replay {
+    scene: Option<Scene>,
+    episodes: Vec<Episode>,
+    /// What is missing, and why.
+    missing: Option<String>,
+}
+
+#[derive(Serialize)]
+struct Episode {
+    /// `demonstration`, `before` or `after`.
+    part: &'static str,
+    demo: Option<usize>,
+    variant: Option<usize>,
+    steps: usize,
+    score: Option<f64>,
+    succeeded: Option<bool>,
+    frames: usize,
+    stride: usize,
+    low: [f64; 3],
+    high: [f64; 3],
+    /// As [`scene::Motion`] has them, in base64.
+    poses: String,
+}
+
+/// An episode before its poses are known.
+struct Cast<'a> {
+    part: &'static str,
+    demo: Option<usize>,
+    variant: Option<usize>,
+    steps: usize,
+    score: Option<f64>,
+    succeeded: Option<bool>,
+    states: &'a StateLog,
+}
+
+impl Replay {
+    fn none(why: &str) -> Self {
+        Self { scene: None, episodes: Vec::new(), missing: Some(why.to_owned()) }
+    }
+}
+
+/// Plays the agent again and brings the demonstrations beside it.
+pub(crate) fn of(job: &mut Job, report: &Report) -> Result<Replay> {
+    let Some(task) = job.chosen().mujoco.clone() else {
+        return Ok(Replay::none("This task has no MuJoCo model, so there is nothing to draw."));
+    };
+    let shown = agent(job)?;
+    let (recorded, missing) = match d4rl::read_states(job.set_path())? {
+        Some(recorded) => (recorded, None),
+        None => {
+            (Vec::new(), Some("The set holds no states of the simulator, so demonstrations are not shown."))
+        }
+    };
+    let own = report.opinions.iter().find(|opinion| opinion.name == "heuristic");
+    let demonstrations = recorded.iter().zip(job.set().iter()).map(|(states, (demo, recording))| Cast {
+        part: "demonstration",
+        demo: Some(demo.0),
+        variant: None,
+        steps: recording.steps(),
+        score: own.and_then(|own| of_demo(own, report, demo.0)),
+        succeeded: None,
+        states,
+    });
+    let cast: Vec<Cast<'_>> = demonstrations.chain(shown.iter().map(of_agent)).collect();
+    let scene = scene::scene(&task)?;
+    let steps = cast.iter().map(|cast| cast.steps).sum();
+    let stride = scene::stride(&scene, steps, MOST_BYTES);
+    match cast.iter().map(|cast| episode(&task, cast, stride)).collect::<Result<Vec<_>>>() {
+        Ok(episodes) => Ok(Replay { scene: Some(scene), episodes, missing: missing.map(str::to_owned) }),
+        // States that this task cannot replay take the replay away, and nothing else.
+        Err(error) if error.is_bad_input() => Ok(Replay::none(&format!("There is no replay: {error}"))),
+        Err(error) => Err(error),
+    }
+}
+
+/// What an opinion says of a demonstration; it stands in the order of the ranking.
+fn of_demo(opinion: &Opinion, report: &Report, demo: usize) -> Option<f64> {
+    let place = report.entries.iter().position(|entry| entry.demo.0 == demo)?;
+    opinion.scores.get(place).copied()
+}
+
+fn of_agent(shown: &Shown) -> Cast<'_> {
+    let (part, demo) = match shown.part {
+        Part::Before => ("before", None),
+        Part::After(demo) => ("after", Some(demo.0)),
+    };
+    Cast {
+        part,
+        demo,
+        variant: Some(shown.variant.0),
+        steps: shown.steps,
+        score: Some(shown.score),
+        succeeded: shown.succeeded,
+        states: &shown.states,
+    }
+}
+
+fn agent(job: &mut Job) -> Result<Vec<Shown>> {
+    job.run(|run| {
+        let judged = report::judged(run.ledger)?;
+        let prior = MetaPrior::recall(run.ledger, "")?
+            .ok_or_else(|| Error::bad_input("the run folder holds no prior.safetensors any more"))?;
+        let seed = experiment::judging_seed(run.config);
+        report::agent_episodes(run.playground, &prior.policy, &judged, &run.config.judge, &seed)
+    })
+}
+
+fn episode(task: &MujocoTask, cast: &Cast<'_>, stride: usize) -> Result<Episode> {
+    let motion = scene::motion(task, cast.states, cast.steps, stride)?;
+    Ok(Episode {
+        part: cast.part,
+        demo: cast.demo,
+        variant: cast.variant,
+        steps: cast.steps,
+        score: cast.score,
+        succeeded: cast.succeeded,
+        frames: motion.frames,
+        stride: motion.stride,
+        low: motion.low,
+        high: motion.high,
+        poses: STANDARD.encode(&motion.poses),
+    })
+}
