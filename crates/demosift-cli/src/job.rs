@@ -108,10 +108,6 @@ impl Job {
         own_heuristic::beside(data_only, self.chosen.mujoco.as_ref(), &self.set, &self.path)
     }
 
-    pub(crate) fn config(&self) -> &Config {
-        &self.config
-    }
-
     /// The task.
     pub(crate) fn chosen(&self) -> &Chosen {
         &self.chosen

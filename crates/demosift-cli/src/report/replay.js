@@ -9,7 +9,7 @@
     section.append(el("p", { class: "soft" }, missing ?? "There is nothing to play."));
     return;
   }
-  section.append(el("p", { class: "soft" }, "Each demonstration, and the agent before and after imitating it, from one and the same start of the evaluation: the one whose scores are the most typical. Drag to turn, use the wheel with Ctrl to come nearer."));
+  section.append(el("p", { class: "soft" }, "A demonstration as it was recorded, and the agent before and after imitating it. Of the episodes that the agent was scored by, this is the one whose scores are the most typical; its start is the same for all. Drag to turn, and use the wheel with Ctrl to come nearer."));
   if (missing) section.append(el("p", { class: "small" }, missing));
   if (model.left_out) section.append(el("p", { class: "small" }, `${model.left_out} shape${model.left_out > 1 ? "s" : ""} of the model (meshes or fields of heights) cannot be drawn here.`));
 
@@ -118,6 +118,8 @@
     return;
   }
   const scene = new THREE.Scene();
+  // The ground fades into the sky, or its lines would flicker toward the horizon.
+  scene.fog = new THREE.Fog(0xffffff, 10, 40);
   const world = new THREE.Group();
   scene.add(world);
   scene.add(new THREE.HemisphereLight(0xffffff, 0x8a8f96, 2.1));
@@ -150,7 +152,7 @@
     (shape.body == null ? world : bodies[shape.body]).add(mesh);
     if (shape.kind === "plane" && shape.body == null) {
       grounds.push(material);
-      const grid = new THREE.GridHelper(80, 160, 0x808890, 0x808890);
+      const grid = new THREE.GridHelper(80, 80, 0x808890, 0x808890);
       grid.rotateX(Math.PI / 2);
       grid.position.z = shape.position[2] + 0.002;
       grid.material.transparent = true;
@@ -184,6 +186,8 @@
       camera.position.copy(center).add(new THREE.Vector3(2.2, -3.2, 1.4));
     }
     controls.update();
+    const away = camera.position.distanceTo(controls.target);
+    [scene.fog.near, scene.fog.far] = [1.6 * away, 5 * away];
     state.dirty = true;
   }
 
@@ -210,6 +214,7 @@
     const style = getComputedStyle(document.documentElement);
     colors.sky.setStyle(style.getPropertyValue("--sky").trim());
     colors.ground.setStyle(style.getPropertyValue("--ground").trim());
+    scene.fog.color.copy(colors.sky);
     for (const material of grounds) material.color.copy(colors.ground);
     state.dirty = true;
   }

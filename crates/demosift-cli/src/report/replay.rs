@@ -65,7 +65,12 @@ pub(crate) fn of(job: &mut Job, report: &Report) -> Result<Replay> {
     let Some(task) = job.chosen().mujoco.clone() else {
         return Ok(Replay::none("This task has no MuJoCo model, so there is nothing to draw."));
     };
-    let shown = agent(job)?;
+    // A replay that cannot be had is no reason to go without the report.
+    let none = |error: &Error| Ok(Replay::none(&format!("There is no replay: {error}")));
+    let shown = match agent(job) {
+        Err(error) if error.is_bad_input() => return none(&error),
+        shown => shown?,
+    };
     let (recorded, missing) = match d4rl::read_states(job.set_path())? {
         Some(recorded) => (recorded, None),
         None => {
@@ -88,8 +93,7 @@ pub(crate) fn of(job: &mut Job, report: &Report) -> Result<Replay> {
     let stride = scene::stride(&scene, steps, MOST_BYTES);
     match cast.iter().map(|cast| episode(&task, cast, stride)).collect::<Result<Vec<_>>>() {
         Ok(episodes) => Ok(Replay { scene: Some(scene), episodes, missing: missing.map(str::to_owned) }),
-        // States that this task cannot replay take the replay away, and nothing else.
-        Err(error) if error.is_bad_input() => Ok(Replay::none(&format!("There is no replay: {error}"))),
+        Err(error) if error.is_bad_input() => none(&error),
         Err(error) => Err(error),
     }
 }

@@ -64,13 +64,14 @@ function ranking() {
   const [low, high] = extent(entries.flatMap((entry) => [entry.low, entry.high, 0]));
   const pad = (high - low) * 0.03;
   const domain = [low - pad, high + pad];
-  const width = 260;
+  const narrow = matchMedia("(max-width: 720px)").matches;
+  const width = narrow ? 118 : 260;
   const shows = replay.episodes.length > 0;
   const head = el("tr", {},
-    el("th", {}, "rank"), el("th", { class: "left" }, "demonstration"), el("th", { class: "wide" }, "steps"),
+    el("th", {}, narrow ? "" : "rank"), el("th", { class: "left" }, narrow ? "demo" : "demonstration"), el("th", { class: "wide" }, "steps"),
     el("th", { class: "wide" }, inUnit("after")), el("th", {}, inUnit("gain")),
     el("th", { class: "left" }, `${percent(report.level)} interval`, intervalAxis(domain, width)),
-    el("th", {}, `P(top ${report.k})`), el("th", { class: "wide" }, "P(helps)"), el("th", { class: "left" }, ""));
+    el("th", {}, `P(top ${report.k})`), el("th", { class: "wide" }, "P(helps)"), el("th", { class: "left" }));
   const rows = entries.map((entry, place) => el("tr", {
     class: [entry.kept ? "kept" : "", place && entries[place - 1].group !== entry.group ? "newgroup" : ""].join(" ").trim() || null,
   },
@@ -83,9 +84,9 @@ function ranking() {
     el("td", {}, signed(entry.gain, scoreDecimals)),
     el("td", { title: `${signed(entry.low, scoreDecimals)} to ${signed(entry.high, scoreDecimals)}` },
       intervalRow({ low: entry.low, at: entry.gain, high: entry.high, kept: entry.kept }, domain, width)),
-    el("td", {}, percent(entry.top), bar(entry.top, 46)),
+    el("td", {}, percent(entry.top), narrow ? null : bar(entry.top, 46)),
     el("td", { class: "wide" }, percent(entry.improves)),
-    el("td", { class: "left" }, entry.kept ? el("span", { class: "tag" }, "kept") : "")));
+    el("td", { class: "left" }, entry.kept ? el("span", { class: "tag" }, narrow ? "✓" : "kept") : "")));
   into("ranking",
     el("h2", {}, "Ranking"),
     el("p", { class: "soft" }, `How much better imitating each demonstration makes the agent. The upright line is the agent as it was before (${fixed(report.before, scoreDecimals)}${unit}).`),
