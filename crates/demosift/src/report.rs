@@ -354,3 +354,6 @@ fn played(costs: &Costs) -> Played {
     let stages = costs.spent.iter().map(|(stage, spent)| (stage.clone(), spent.environment_steps));
     Played { quota: costs.plan.quota, of_quota: costs.of_quota(), stages: stages.collect() }
 }
+
+#[cfg(test)]
+mod tests;

@@ -141,7 +141,7 @@ function intervalAxis(domain, width) {
   const right = linear(domain, [6, width - 6]);
   const { at, decimals } = ticks(domain, width / 65);
   return svg("svg", { width, height: 16, viewBox: `0 0 ${width} 16`, "aria-hidden": "true" },
-    at.map((tick) => svg("text", { x: Math.min(Math.max(right(tick), 14), width - 16), y: 12, "text-anchor": "middle", "font-size": 11.5 }, Math.abs(tick) < 1e-9 ? "0" : signed(tick, decimals))));
+    at.map((tick) => svg("text", { x: Math.min(Math.max(right(tick), 20), width - 20), y: 12, "text-anchor": "middle", "font-size": 11.5 }, Math.abs(tick) < 1e-9 ? "0" : signed(tick, decimals))));
 }
 
 function bar(share, width) {
