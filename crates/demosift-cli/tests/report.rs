@@ -47,7 +47,7 @@ for (const kind of ['error', 'warn']) console[kind] = (...said) => complaints.pu
 /// Opens a page and asks it; `None` where there is no browser.
 fn looked_at(scratch: &Scratch, page: &str, size: &str) -> Option<Value> {
     if Command::new("chromium").arg("--version").output().is_err() {
-        println!("skipped: there is no chromium to look with");
+        eprintln!("skipped: there is no chromium to look with");
         return None;
     }
     let html = std::fs::read_to_string(scratch.0.join(page)).unwrap();

@@ -1,7 +1,7 @@
 //! What a viewer outside of MuJoCo needs to draw a task: the shapes of its model, and where its bodies are at each step.
 
-use demosift::Result;
 use demosift::trajectory::StateLog;
+use demosift::{Error, Result};
 use mujoco_rs::prelude::{MjData, MjtCamLight, MjtGeom};
 use serde::Serialize;
 
@@ -211,9 +211,8 @@ fn moving_bodies(model: &Model) -> Vec<usize> {
 fn camera(task: &MujocoTask, moving: &[usize]) -> Result<Option<View>> {
     let Some(name) = task.camera() else { return Ok(None) };
     let (camera, model) = (task.model().id(Kind::Camera, name)?, task.model().mujoco());
-    let mut data = MjData::try_new(model.clone()).map_err(|error| {
-        demosift::Error::simulation(format!("MuJoCo cannot set up a simulation: {error}"))
-    })?;
+    let mut data = MjData::try_new(model.clone())
+        .map_err(|error| Error::simulation(format!("MuJoCo cannot set up a simulation: {error}")))?;
     data.forward();
     // A camera looks along its negative z axis, the third column of its matrix.
     let matrix = data.cam_xmat()[camera];

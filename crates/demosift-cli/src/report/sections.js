@@ -165,7 +165,7 @@ function adaptation() {
   }
   into("adaptation",
     el("h2", {}, "How each adaptation went"),
-    el("p", { class: "soft" }, `Above: the heuristic${unit ? ` in${unit}` : ""} over the updates, the mean and the range of the repeats; the dotted line is the agent before. Below: which share the discriminator told right; at 0.5 it cannot tell the agent from the demonstration, at 1 it always can and has little left to teach. The adapted agents are ${significant(report.adapted_behaviors_distance)} away from what was demonstrated (adapted behaviors distance, the mean of the set).`),
+    el("p", { class: "soft" }, `Above: the heuristic${unit ? ` in${unit}` : ""} over the updates, the mean and the range of the repeats; the dotted line is the agent before. Below: which share the discriminator told right; at 0.5 it cannot tell the agent from the demonstration, at 1 it always can. The adapted agents are ${significant(report.adapted_behaviors_distance)} away from what was demonstrated (adapted behaviors distance, the mean of the set).`),
     several ? el("div", { class: "controls" }, el("label", {}, "Variant", el("select", { on: { change: (event) => show(Number(event.target.value)) } },
       report.variants.map((name, variant) => el("option", { value: variant }, name))))) : null,
     place);
