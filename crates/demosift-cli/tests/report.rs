@@ -1,6 +1,7 @@
 //! The report as a user gets it: what is in the file, and what a browser makes of it.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+#![allow(clippy::print_stderr, reason = "a test that was skipped says so")]
 
 mod support;
 

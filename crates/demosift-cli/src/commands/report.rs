@@ -63,7 +63,7 @@ fn gather(job: &mut Job) -> Result<Found> {
 }
 
 fn write_found(job: &mut Job, found: &Found) -> Result<PathBuf> {
-    let replay = replay::of(job, &found.report)?;
+    let replay = replay::of(job)?;
     let made = page::Made {
         demosift: env!("CARGO_PKG_VERSION"),
         set: page::name_of_set(job.set_path()),

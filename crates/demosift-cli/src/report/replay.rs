@@ -5,10 +5,13 @@ use base64::engine::general_purpose::STANDARD;
 use demosift::adapt::MetaPrior;
 use demosift::artifact::Artifact;
 use demosift::demonstration::d4rl;
-use demosift::report::{self, Opinion, Part, Report, Shown};
+use demosift::environment::Task as _;
+use demosift::heuristic::Score;
+use demosift::report::{self, Part, Shown};
 use demosift::trajectory::StateLog;
 use demosift::{Error, Result, experiment};
 use demosift_mujoco::mujoco_task::MujocoTask;
+use demosift_mujoco::replay::measurements;
 use demosift_mujoco::scene::{self, Scene};
 use serde::Serialize;
 
@@ -33,7 +36,7 @@ struct Episode {
     demo: Option<usize>,
     variant: Option<usize>,
     steps: usize,
-    score: Option<f64>,
+    score: Score,
     succeeded: Option<bool>,
     frames: usize,
     stride: usize,
@@ -44,14 +47,14 @@ struct Episode {
 }
 
 /// An episode before its poses are known.
-struct Cast<'a> {
+struct Cast {
     part: &'static str,
     demo: Option<usize>,
     variant: Option<usize>,
     steps: usize,
-    score: Option<f64>,
+    score: Score,
     succeeded: Option<bool>,
-    states: &'a StateLog,
+    states: StateLog,
 }
 
 impl Replay {
@@ -61,7 +64,7 @@ impl Replay {
 }
 
 /// Plays the agent again and brings the demonstrations beside it.
-pub(crate) fn of(job: &mut Job, report: &Report) -> Result<Replay> {
+pub(crate) fn of(job: &mut Job) -> Result<Replay> {
     let Some(task) = job.chosen().mujoco.clone() else {
         return Ok(Replay::none("This task has no MuJoCo model, so there is nothing to draw."));
     };
@@ -71,40 +74,49 @@ pub(crate) fn of(job: &mut Job, report: &Report) -> Result<Replay> {
         Err(error) if error.is_bad_input() => return none(&error),
         shown => shown?,
     };
-    let (recorded, missing) = match d4rl::read_states(job.set_path())? {
-        Some(recorded) => (recorded, None),
-        None => {
-            (Vec::new(), Some("The set holds no states of the simulator, so demonstrations are not shown."))
+    let recorded = d4rl::read_states(job.set_path());
+    let played = recorded.and_then(|recorded| demonstrations(&task, job, recorded.unwrap_or_default()));
+    let (mut cast, missing) = match played {
+        Ok(cast) if cast.is_empty() => (
+            cast,
+            Some("The set holds no states of the simulator, so demonstrations are not shown.".to_owned()),
+        ),
+        Ok(cast) => (cast, None),
+        Err(error) if error.is_bad_input() => {
+            (Vec::new(), Some(format!("Demonstrations are not shown: {error}")))
         }
+        Err(error) => return Err(error),
     };
-    let own = report.opinions.iter().find(|opinion| opinion.name == "heuristic");
-    let demonstrations = recorded.iter().zip(job.set().iter()).map(|(states, (demo, recording))| Cast {
-        part: "demonstration",
-        demo: Some(demo.0),
-        variant: None,
-        steps: recording.steps(),
-        score: own.and_then(|own| of_demo(own, report, demo.0)),
-        succeeded: None,
-        states,
-    });
-    let cast: Vec<Cast<'_>> = demonstrations.chain(shown.iter().map(of_agent)).collect();
+    cast.extend(shown.into_iter().map(of_agent));
     let scene = scene::scene(&task)?;
     let steps = cast.iter().map(|cast| cast.steps).sum();
     let stride = scene::stride(&scene, steps, MOST_BYTES);
     match cast.iter().map(|cast| episode(&task, cast, stride)).collect::<Result<Vec<_>>>() {
-        Ok(episodes) => Ok(Replay { scene: Some(scene), episodes, missing: missing.map(str::to_owned) }),
+        Ok(episodes) => Ok(Replay { scene: Some(scene), episodes, missing }),
         Err(error) if error.is_bad_input() => none(&error),
         Err(error) => Err(error),
     }
 }
 
-/// What an opinion says of a demonstration; it stands in the order of the ranking.
-fn of_demo(opinion: &Opinion, report: &Report, demo: usize) -> Option<f64> {
-    let place = report.entries.iter().position(|entry| entry.demo.0 == demo)?;
-    opinion.scores.get(place).copied()
+/// The demonstrations whose states are known, with what they scored themselves.
+fn demonstrations(task: &MujocoTask, job: &Job, recorded: Vec<StateLog>) -> Result<Vec<Cast>> {
+    let cast = recorded.into_iter().zip(job.set().iter()).map(|(states, (demo, recording))| {
+        let measured = measurements(task, &states, recording.actions())
+            .map_err(|error| error.during(&format!("demonstration {demo}")))?;
+        Ok(Cast {
+            part: "demonstration",
+            demo: Some(demo.0),
+            variant: None,
+            steps: recording.steps(),
+            score: task.heuristic().score(&measured),
+            succeeded: task.succeeded(&measured),
+            states,
+        })
+    });
+    cast.collect()
 }
 
-fn of_agent(shown: &Shown) -> Cast<'_> {
+fn of_agent(shown: Shown) -> Cast {
     let (part, demo) = match shown.part {
         Part::Before => ("before", None),
         Part::After(demo) => ("after", Some(demo.0)),
@@ -114,9 +126,9 @@ fn of_agent(shown: &Shown) -> Cast<'_> {
         demo,
         variant: Some(shown.variant.0),
         steps: shown.steps,
-        score: Some(shown.score),
+        score: shown.score,
         succeeded: shown.succeeded,
-        states: &shown.states,
+        states: shown.states,
     }
 }
 
@@ -130,8 +142,8 @@ fn agent(job: &mut Job) -> Result<Vec<Shown>> {
     })
 }
 
-fn episode(task: &MujocoTask, cast: &Cast<'_>, stride: usize) -> Result<Episode> {
-    let motion = scene::motion(task, cast.states, cast.steps, stride)?;
+fn episode(task: &MujocoTask, cast: &Cast, stride: usize) -> Result<Episode> {
+    let motion = scene::motion(task, &cast.states, cast.steps, stride)?;
     Ok(Episode {
         part: cast.part,
         demo: cast.demo,
