@@ -92,7 +92,7 @@ function lineChart({ series, width, height, x, y, levels = [], labels = false, x
   const columns = ticks(xs, compact ? 4 : 6);
   for (const tick of columns.at) {
     if (whole && !Number.isInteger(tick)) continue;
-    const written = Math.abs(tick) >= 10000 ? `${fixed(tick / 1000, 0)}k` : fixed(tick, columns.decimals);
+    const written = Math.abs(tick) >= 10000 ? `${fixed(tick / 1000, 0)}k` : fixed(tick, whole ? 0 : columns.decimals);
     drawn.append(svg("text", { x: right(tick), y: height - margin.bottom + size + 4, "text-anchor": "middle", "font-size": size }, written));
   }
   drawn.append(svg("line", { x1: margin.left, x2: width - margin.right, y1: up(ys[0]), y2: up(ys[0]), stroke: "var(--line)" }));
@@ -117,8 +117,12 @@ function lineChart({ series, width, height, x, y, levels = [], labels = false, x
   if (labels) {
     ends.sort((a, b) => a.y - b.y);
     for (let index = 1; index < ends.length; index++) ends[index].y = Math.max(ends[index].y, ends[index - 1].y + size + 1);
-    const over = (ends.at(-1)?.y ?? 0) - (height - margin.bottom);
-    if (over > 0) for (const [index, end] of ends.entries()) end.y -= over * (index / Math.max(1, ends.length - 1));
+    // What was pushed below the chart pushes the others up again.
+    let lowest = height - margin.bottom;
+    for (const end of [...ends].reverse()) {
+      end.y = Math.min(end.y, lowest);
+      lowest = end.y - size - 1;
+    }
     for (const end of ends) drawn.append(svg("text", { x: width - margin.right + 8, y: end.y + 4, "font-size": size, class: end.strong ? "strong" : null }, end.name));
   }
   return drawn;
