@@ -19,7 +19,7 @@ const BOUNDLESS: f64 = 40.0;
 pub struct Scene {
     /// Everything visible.
     pub shapes: Vec<Shape>,
-    /// How many bodies move; a [`Motion`] has a pose of each.
+    /// How many bodies have shapes, besides the world; a [`Motion`] has a pose of each.
     pub bodies: usize,
     /// From where to look, if the model has a camera.
     pub camera: Option<View>,
@@ -197,9 +197,9 @@ fn shape(part: &Part, kind: &'static str, moving: &[usize]) -> Shape {
     Shape { body, kind, size, rgba: part.rgba, position: part.position, quaternion: part.quaternion }
 }
 
-/// The bodies that can move and have something to show, by id: not the world, nor what is fixed to it.
+/// The bodies with something to show, by id, but for the world.
 ///
-/// A body that is fixed to the world by way of others is drawn by its pose too, since its shapes are placed in it.
+/// One that is fixed to the world has poses too, since its shapes are placed in it.
 fn moving_bodies(model: &Model) -> Vec<usize> {
     let mut bodies: Vec<usize> =
         parts(model).iter().filter(|part| is_visible(part) && part.body > 0).map(|part| part.body).collect();
