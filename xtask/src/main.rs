@@ -1,6 +1,7 @@
 //! `cargo xtask`: fetches the pinned MuJoCo, then tests, demonstrates or measures demosift.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a terminal is all it has")]
 
+mod browser;
 mod mujoco;
 mod rendering;
 mod steps;
@@ -35,7 +36,10 @@ fn main() -> ExitCode {
     let root = checkout();
     let outcome = match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["setup"] => set_up(&root),
-        ["test"] => set_up(&root).and_then(|()| steps::test(&root)),
+        ["test"] => set_up(&root).and_then(|()| {
+            browser::set_up();
+            steps::test(&root)
+        }),
         ["demo"] => set_up(&root).and_then(|()| steps::demo(&root)),
         ["bench"] => set_up(&root).and_then(|()| steps::bench(&root)),
         ["taller"] => taller::write(&root).map_err(Failure::from),

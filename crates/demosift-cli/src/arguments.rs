@@ -35,6 +35,8 @@ pub(crate) enum Command {
     /// Imitate each demonstration alone from scratch with the full budget: what a ranking is compared with
     Oracle(OracleArguments),
     /// Play a policy, or recorded demonstrations again: scores, and pictures if you want them
+    /// Write report.html into a run folder: all that the run found as one page to look at, with a 3-D replay
+    Report(ReportArguments),
     Play(PlayArguments),
     /// Show what a file of demonstrations holds, and whether it fits a task
     Inspect(InspectArguments),
@@ -328,6 +330,47 @@ pub(crate) enum Form {
     Json,
     /// The same as a table
     Csv,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ReportArguments {
+    /// The run folder, at least judged; `demosift sift` writes its report by itself
+    #[arg(value_name = "RUN")]
+    pub(crate) run_folder: PathBuf,
+    /// Where the demonstrations are now, if they have moved since
+    #[arg(long, value_name = "SET")]
+    pub(crate) data: Option<PathBuf>,
+    /// Threads to play on; the report does not depend on it [default: all processors]
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<usize>,
+    /// Print the report's numbers as JSON too
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+impl ReportArguments {
+    /// The run as the other subcommands name it: to go on with, and nothing of it changed.
+    pub(crate) fn job(&self) -> JobArguments {
+        let run = RunArguments {
+            task: None,
+            seed: None,
+            config: None,
+            set: Vec::new(),
+            out: Some(self.run_folder.clone()),
+            resume: true,
+            threads: self.threads,
+            json: self.json,
+        };
+        let source = SourceArguments::default();
+        JobArguments {
+            demonstrations: self.data.clone(),
+            source,
+            keep: None,
+            method: None,
+            preset: None,
+            run,
+        }
+    }
 }
 
 #[derive(Debug, Args)]

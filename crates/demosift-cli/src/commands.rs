@@ -9,6 +9,7 @@ mod meta_train;
 mod oracle;
 mod play;
 mod record;
+mod report;
 mod select;
 mod sift;
 mod tasks;
@@ -33,6 +34,7 @@ pub(crate) fn run(command: Command) -> Result<()> {
         Command::Inspect(arguments) => inspect::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
         Command::Tasks(arguments) => {
             tasks::run(&arguments);
             Ok(())

@@ -109,6 +109,16 @@ impl Job {
         own_heuristic::beside(data_only, self.chosen.mujoco.as_ref(), &self.set, &self.path)
     }
 
+    /// The task.
+    pub(crate) fn chosen(&self) -> &Chosen {
+        &self.chosen
+    }
+
+    /// The file of the set.
+    pub(crate) fn set_path(&self) -> &Path {
+        &self.path
+    }
+
     pub(crate) fn keep(&self) -> Keep {
         self.config.keep
     }

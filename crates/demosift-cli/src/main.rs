@@ -8,6 +8,7 @@ mod job;
 mod metrics_file;
 mod own_heuristic;
 mod picture_folder;
+mod report;
 mod run_folder;
 mod tables;
 mod task;

@@ -108,6 +108,12 @@ pub(crate) fn of_finished(folder: &Path) -> Result<(Identity, RunFolder)> {
     Ok((read_identity(&file)?, RunFolder { path: folder.to_owned() }))
 }
 
+/// The configuration of a run, as it is written down.
+pub(crate) fn resolved(folder: &Path) -> Result<String> {
+    let path = folder.join(RESOLVED);
+    fs::read_to_string(&path).map_err(|error| Error::io("cannot read the configuration", &path, &error))
+}
+
 fn read_identity(path: &Path) -> Result<Identity> {
     let bytes = fs::read(path).map_err(|error| Error::io("cannot read the run", path, &error))?;
     serde_json::from_slice(&bytes)

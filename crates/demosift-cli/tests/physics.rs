@@ -76,6 +76,11 @@ fn states_that_do_not_fit_the_task_cost_the_column_and_not_the_ranking() {
     assert!(said.contains("gain [m]") && !said.contains("cloning loss   heuristic"), "{said}");
     let wanted = "own heuristic is not known: demonstration 0: 180 numbers of qpos in 60 steps do not fit";
     assert!(said.contains(wanted), "{said}");
+    // The report says so too, and still shows the agent.
+    scratch.succeed("report run");
+    let page = String::from_utf8(scratch.files("run").remove("report.html").unwrap()).unwrap();
+    assert!(page.contains("Demonstrations are not shown: demonstration 0: 180 numbers of qpos"));
+    assert!(page.contains("\"part\":\"after\"") && !page.contains("\"part\":\"demonstration\""));
 }
 
 #[test]

@@ -80,5 +80,6 @@ pub mod render;
 pub mod replay;
 mod reset;
 pub mod reward;
+pub mod scene;
 mod task_file;
 mod tasks;

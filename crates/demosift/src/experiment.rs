@@ -423,11 +423,16 @@ pub fn scores(run: &mut Run<'_>, prior: &MetaPrior) -> Result<ScoreTable> {
     let Run { set, playground, config, ledger, observer } = run;
     let start = || Ok(Judged::default());
     let (judged, mut keeping) = Keeping::begin((*ledger, *observer), playground, judge::STAGE, "", start)?;
-    let seed = Seed::new(config.seed).of("judge");
+    let seed = judging_seed(config);
     let judging = (&judging, &config.inner);
     let judged = judge::judge(prior, set, playground, judging, judged, (&seed, &mut keeping))?;
     keeping.finish("", &judged)?;
     Ok(judged.scores)
+}
+
+/// The random numbers of judging.
+pub fn judging_seed(config: &Config) -> Seed {
+    Seed::new(config.seed).of("judge")
 }
 
 /// MetaPrior → Weighing: a subset by weights (Algorithm 3), with the trends of the weights.

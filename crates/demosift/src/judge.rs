@@ -142,7 +142,8 @@ pub fn judge(
     let done = judged.scores.suitabilities.len();
     observer.on(Event::Started { stage: STAGE, done, total: targets.len() });
     for (variant, demo) in targets.iter().skip(done) {
-        let judge = Judge { playground, judging, inner, variant: *variant, seed: seed.at(variant.0) };
+        let seed = seed_under(seed, *variant);
+        let judge = Judge { playground, judging, inner, variant: *variant, seed };
         // The meta-parameters are the same for all demonstrations under a variant, and so is their score.
         let before = match judged.scores.suitabilities.last() {
             Some(last) if last.variant == *variant => last.before.clone(),
@@ -167,6 +168,30 @@ pub fn steps(demonstrations: usize, task: &Specification, judging: &Judging, inn
     let adapting = adaptations * judging.iterations * inner.episodes(task.horizon);
     let evaluating = (1 + adaptations) * judging.evaluations;
     ((adapting + evaluating) * task.horizon * task.variants.len()) as u64
+}
+
+/// One of the episodes in which the agent was scored, played again as it was to the bit: before imitating or after, as
+/// the policy is; with its seed.
+///
+/// `seed` is that of [`judge`], and `evaluation` counts the M evaluation seeds from 0.
+pub fn replay(
+    playground: &Playground<'_>,
+    policy: &Policy,
+    judging: &Judging,
+    (variant, evaluation): (EnvVariant, usize),
+    seed: &Seed,
+) -> Result<(Trajectory, Seed)> {
+    let seed = || evaluation_seeds(&seed_under(seed, variant), judging.evaluations).swap_remove(evaluation);
+    let played = rollout::play(playground, policy, judging.acting, variant, vec![seed()])?;
+    Ok((played.into_iter().next().expect("one seed, one episode"), seed()))
+}
+
+fn seed_under(seed: &Seed, variant: EnvVariant) -> Seed {
+    seed.at(variant.0)
+}
+
+fn evaluation_seeds(seed: &Seed, evaluations: usize) -> Vec<Seed> {
+    seed.of("evaluate").many(evaluations)
 }
 
 /// What is the same for all demonstrations under a variant: above all the random numbers.
@@ -230,7 +255,7 @@ impl Judge<'_> {
 
     /// Line 11: a policy on the M evaluation seeds, which are the same for everybody.
     fn evaluate(&self, policy: &Policy) -> Result<Vec<Trajectory>> {
-        let seeds = self.seed.of("evaluate").many(self.judging.evaluations);
+        let seeds = evaluation_seeds(&self.seed, self.judging.evaluations);
         rollout::play(self.playground, policy, self.judging.acting, self.variant, seeds)
     }
 

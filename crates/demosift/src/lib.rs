@@ -71,6 +71,7 @@ pub mod policy;
 pub mod pre_train;
 pub mod preset;
 pub mod recording;
+pub mod report;
 pub mod rollout;
 pub mod rows;
 pub mod seed;

@@ -4,7 +4,7 @@ use demosift::Result;
 use demosift::experiment::{self, Selection, Sifted};
 use serde_json::json;
 
-use super::{kept_in, select};
+use super::{kept_in, report, select};
 use crate::arguments::JobArguments;
 use crate::job::Job;
 use crate::tables::by_variant;
@@ -19,6 +19,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let Sifted { scores, selection, from_subset, from_all, gain, .. } = &sifted;
     let Selection { ranking, uncertainty, subset } = selection;
     let beside = job.beside(sifted.data_only.clone());
+    let page = report::write(&mut job)?;
     if arguments.run.json {
         terminal::show_json(&json!({
             "ranking": ranking.entries,
@@ -32,6 +33,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
             "from_all": from_all.outcome,
             "gain": gain,
             "unit": job.unit(),
+            "report": page,
             "run_folder": job.folder().path(),
         }));
         return Ok(());
@@ -44,6 +46,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     terminal::show("\n");
     terminal::show(&tables::comparison(job.set(), from_subset, from_all, job.unit()));
     terminal::show(&costs::played(&costs));
+    terminal::show(&format!("\nReport: {}", page.display()));
     terminal::show(&kept_in(job.folder()));
     Ok(())
 }

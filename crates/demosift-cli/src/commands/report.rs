@@ -1,0 +1,78 @@
+//! `demosift report`: all that a run found, as one page.
+
+use std::path::PathBuf;
+
+use demosift::artifact::Artifact;
+use demosift::data_only::DataOnly;
+use demosift::report::{Report, Sources};
+use demosift::{Result, experiment, files, report};
+use serde_json::json;
+
+use crate::arguments::ReportArguments;
+use crate::job::Job;
+use crate::report::{page, replay};
+use crate::run_folder;
+use crate::terminal;
+
+/// The report's file in a run folder.
+const PAGE: &str = "report.html";
+
+pub(crate) fn run(arguments: &ReportArguments) -> Result<()> {
+    let mut job = Job::open(&arguments.job())?;
+    if !arguments.json {
+        let page = write(&mut job)?;
+        terminal::show(&format!("Report: {}\n", page.display()));
+        return Ok(());
+    }
+    let found = gather(&mut job)?;
+    let page = write_found(&mut job, &found)?;
+    terminal::show_json(&json!({ "report": found.report, "page": page }));
+    Ok(())
+}
+
+/// What a page is made of, besides the replay.
+struct Found {
+    report: Report,
+    /// Why the demonstrations' own heuristic is not known, where it should be.
+    unusable: Option<String>,
+}
+
+/// Writes the page into the run folder; returns its file.
+pub(super) fn write(job: &mut Job) -> Result<PathBuf> {
+    let found = gather(job)?;
+    write_found(job, &found)
+}
+
+fn gather(job: &mut Job) -> Result<Found> {
+    let (uncertainty, opinions, costs) = job.run(|run| {
+        let scores = report::judged(run.ledger)?.scores;
+        let opinions = DataOnly::recall(run.ledger, "")?.unwrap_or_default();
+        Ok((experiment::doubts(run, &scores)?, opinions, experiment::costs(run)?))
+    })?;
+    let beside = job.beside(opinions);
+    let report = report::report(&Sources {
+        ledger: job.folder(),
+        set: job.set(),
+        task: job.chosen().task.as_ref(),
+        keep: job.keep(),
+        uncertainty: &uncertainty,
+        opinions: &beside.data_only,
+        costs: &costs,
+    })?;
+    Ok(Found { report, unusable: beside.unusable.map(|why| why.to_string()) })
+}
+
+fn write_found(job: &mut Job, found: &Found) -> Result<PathBuf> {
+    let replay = replay::of(job)?;
+    let made = page::Made {
+        demosift: env!("CARGO_PKG_VERSION"),
+        set: page::name_of_set(job.set_path()),
+        sha256: files::sha256(&[job.set_path().to_owned()])?,
+        configuration: run_folder::resolved(job.folder().path())?,
+        unusable: found.unusable.as_deref(),
+    };
+    let html = page::html(&found.report, &made, &replay);
+    let path = job.folder().path().join(PAGE);
+    files::write_atomically(&path, html.as_bytes())?;
+    Ok(path)
+}

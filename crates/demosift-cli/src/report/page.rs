@@ -1,0 +1,86 @@
+//! One HTML file that needs no other: the template with its style, its scripts and its data inside.
+
+use std::path::Path;
+
+use demosift::report::Report;
+use serde::Serialize;
+
+use super::replay::Replay;
+
+const TEMPLATE: &str = include_str!("page.html");
+/// What stands in for each `{{NAME}}` of the template, besides the data; each name is there once.
+const PARTS: [(&str, &str); 6] = [
+    ("STYLE", include_str!("page.css")),
+    ("THREE", include_str!("three/three.bundle.js")),
+    ("CHARTS", include_str!("charts.js")),
+    ("SECTIONS", include_str!("sections.js")),
+    ("REPLAY", include_str!("replay.js")),
+    ("LICENSE", include_str!("three/LICENSE-three.txt")),
+];
+
+/// What a run was made of.
+#[derive(Serialize)]
+pub(crate) struct Made<'a> {
+    /// The version that wrote the page.
+    pub(crate) demosift: &'a str,
+    /// The set's name.
+    pub(crate) set: String,
+    pub(crate) sha256: String,
+    /// As TOML.
+    pub(crate) configuration: String,
+    pub(crate) unusable: Option<&'a str>,
+}
+
+#[derive(Serialize)]
+struct Data<'a> {
+    report: &'a Report,
+    made: &'a Made<'a>,
+    replay: &'a Replay,
+}
+
+/// The page; the same run gives the same bytes.
+pub(crate) fn html(report: &Report, made: &Made<'_>, replay: &Replay) -> String {
+    let data = serde_json::to_string(&Data { report, made, replay }).expect("plain data always serializes");
+    // Inside a script nothing but `<` can end it, and JSON has another way to write it.
+    let data = data.replace('<', "\\u003c");
+    let title = format!("{}: {} demonstrations", escaped(&report.task), report.entries.len());
+    let mut page = TEMPLATE.replacen("{{TITLE}}", &title, 1);
+    for (name, text) in PARTS {
+        page = page.replacen(&format!("{{{{{name}}}}}"), text, 1);
+    }
+    page.replacen("{{DATA}}", &data, 1)
+}
+
+/// The folder or file that holds the set, without the way to it.
+pub(crate) fn name_of_set(path: &Path) -> String {
+    let is_plain = path.file_name().is_some_and(|name| name == crate::job::SET_FILE);
+    let named = if is_plain { path.parent().unwrap_or(path) } else { path };
+    named.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_part_ends_its_script_or_names_another_part() {
+        for (name, text) in PARTS {
+            assert!(
+                !text.contains("</script") && !text.contains("<!--") && !text.contains("</style"),
+                "{name}"
+            );
+            assert!(!text.contains("{{DATA}}"), "{name}");
+            assert_eq!(TEMPLATE.matches(&format!("{{{{{name}}}}}")).count(), 1, "{name}");
+        }
+    }
+
+    #[test]
+    fn a_set_goes_by_the_name_of_its_folder() {
+        assert_eq!(name_of_set(Path::new("/there/free_throw_8/demonstrations.hdf5")), "free_throw_8");
+        assert_eq!(name_of_set(Path::new("/there/mine.hdf5")), "mine.hdf5");
+    }
+}

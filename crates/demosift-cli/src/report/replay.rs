@@ -1,0 +1,160 @@
+//! What the page plays: each demonstration, and the agent before and after imitating it.
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use demosift::adapt::MetaPrior;
+use demosift::artifact::Artifact;
+use demosift::demonstration;
+use demosift::environment::Task as _;
+use demosift::heuristic::Score;
+use demosift::report::{self, Part, Shown};
+use demosift::trajectory::StateLog;
+use demosift::{Error, Result, experiment};
+use demosift_mujoco::mujoco_task::MujocoTask;
+use demosift_mujoco::replay::measurements;
+use demosift_mujoco::scene::{self, Scene};
+use serde::Serialize;
+
+use crate::job::Job;
+
+/// All poses of a page, before they are written as text, which is a third longer.
+const MOST_BYTES: usize = 5_500_000;
+
+/// The scene with its episodes.
+#[derive(Serialize)]
+pub(crate) struct Replay {
+    scene: Option<Scene>,
+    episodes: Vec<Episode>,
+    /// What is missing, and why.
+    missing: Option<String>,
+}
+
+#[derive(Serialize)]
+struct Episode {
+    /// `demonstration`, `before` or `after`.
+    part: &'static str,
+    demo: Option<usize>,
+    variant: Option<usize>,
+    steps: usize,
+    score: Score,
+    succeeded: Option<bool>,
+    frames: usize,
+    stride: usize,
+    low: [f64; 3],
+    high: [f64; 3],
+    /// As [`scene::Motion`] has them, in base64.
+    poses: String,
+}
+
+/// An episode before its poses are known.
+struct Cast {
+    part: &'static str,
+    demo: Option<usize>,
+    variant: Option<usize>,
+    steps: usize,
+    score: Score,
+    succeeded: Option<bool>,
+    states: StateLog,
+}
+
+impl Replay {
+    fn none(why: &str) -> Self {
+        Self { scene: None, episodes: Vec::new(), missing: Some(why.to_owned()) }
+    }
+}
+
+/// Plays the agent again and brings the demonstrations beside it.
+pub(crate) fn of(job: &mut Job) -> Result<Replay> {
+    let Some(task) = job.chosen().mujoco.clone() else {
+        return Ok(Replay::none("This task has no MuJoCo model, so there is nothing to draw."));
+    };
+    // A replay that cannot be had is no reason to go without the report.
+    let none = |error: &Error| Ok(Replay::none(&format!("There is no replay: {error}")));
+    let shown = match agent(job) {
+        Err(error) if error.is_bad_input() => return none(&error),
+        shown => shown?,
+    };
+    let recorded = demonstration::read_states(job.set_path(), None);
+    let played = recorded.and_then(|recorded| demonstrations(&task, job, recorded.unwrap_or_default()));
+    let (mut cast, missing) = match played {
+        Ok(cast) if cast.is_empty() => (
+            cast,
+            Some("The set holds no states of the simulator, so demonstrations are not shown.".to_owned()),
+        ),
+        Ok(cast) => (cast, None),
+        Err(error) if error.is_bad_input() => {
+            (Vec::new(), Some(format!("Demonstrations are not shown: {error}")))
+        }
+        Err(error) => return Err(error),
+    };
+    cast.extend(shown.into_iter().map(of_agent));
+    let scene = scene::scene(&task)?;
+    let steps = cast.iter().map(|cast| cast.steps).sum();
+    let stride = scene::stride(&scene, steps, MOST_BYTES);
+    match cast.iter().map(|cast| episode(&task, cast, stride)).collect::<Result<Vec<_>>>() {
+        Ok(episodes) => Ok(Replay { scene: Some(scene), episodes, missing }),
+        Err(error) if error.is_bad_input() => none(&error),
+        Err(error) => Err(error),
+    }
+}
+
+/// The demonstrations whose states are known, with what they scored themselves.
+fn demonstrations(task: &MujocoTask, job: &Job, recorded: Vec<StateLog>) -> Result<Vec<Cast>> {
+    let cast = recorded.into_iter().zip(job.set().iter()).map(|(states, (demo, recording))| {
+        let measured = measurements(task, &states, recording.actions())
+            .map_err(|error| error.during(&format!("demonstration {demo}")))?;
+        Ok(Cast {
+            part: "demonstration",
+            demo: Some(demo.0),
+            variant: None,
+            steps: recording.steps(),
+            score: task.heuristic().score(&measured),
+            succeeded: task.succeeded(&measured),
+            states,
+        })
+    });
+    cast.collect()
+}
+
+fn of_agent(shown: Shown) -> Cast {
+    let (part, demo) = match shown.part {
+        Part::Before => ("before", None),
+        Part::After(demo) => ("after", Some(demo.0)),
+    };
+    Cast {
+        part,
+        demo,
+        variant: Some(shown.variant.0),
+        steps: shown.steps,
+        score: shown.score,
+        succeeded: shown.succeeded,
+        states: shown.states,
+    }
+}
+
+fn agent(job: &mut Job) -> Result<Vec<Shown>> {
+    job.run(|run| {
+        let judged = report::judged(run.ledger)?;
+        let prior = MetaPrior::recall(run.ledger, "")?
+            .ok_or_else(|| Error::bad_input("the run folder holds no prior.safetensors any more"))?;
+        let seed = experiment::judging_seed(run.config);
+        report::agent_episodes(run.playground, &prior.policy, &judged, &run.config.judge, &seed)
+    })
+}
+
+fn episode(task: &MujocoTask, cast: &Cast, stride: usize) -> Result<Episode> {
+    let motion = scene::motion(task, &cast.states, cast.steps, stride)?;
+    Ok(Episode {
+        part: cast.part,
+        demo: cast.demo,
+        variant: cast.variant,
+        steps: cast.steps,
+        score: cast.score,
+        succeeded: cast.succeeded,
+        frames: motion.frames,
+        stride: motion.stride,
+        low: motion.low,
+        high: motion.high,
+        poses: STANDARD.encode(&motion.poses),
+    })
+}

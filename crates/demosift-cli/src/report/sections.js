@@ -1,0 +1,241 @@
+"use strict";
+// The page from top to bottom, but for the replay.
+
+const { report, made, replay } = JSON.parse(document.getElementById("data").textContent);
+const unit = report.unit ? ` ${report.unit}` : "";
+const inUnit = (name) => (report.unit ? `${name} [${report.unit}]` : name);
+const into = (id, ...children) => document.getElementById(id).append(...children.flat().filter(Boolean));
+const placeOf = new Map(report.entries.map((entry, place) => [entry.demo, place + 1]));
+const several = report.variants.length > 1;
+const scoreDecimals = decimalsFor(report.entries.flatMap((entry) => [entry.after, entry.after - entry.gain]));
+const keptDemos = report.entries.filter((entry) => entry.kept).map((entry) => entry.demo);
+const listed = (demos) => [...demos].sort((a, b) => a - b).join(", ");
+
+const STAGES = {
+  meta_train: "learning to imitate", pre_train: "imitating the entire set", judge: "judging", subset_selection: "weighing",
+  imitate_subset: "from scratch, the kept", imitate_all: "from scratch, all",
+};
+
+function fact(value, ...words) {
+  return el("div", { class: "fact" }, el("b", {}, value), el("span", {}, ...words));
+}
+
+function verdict() {
+  const { learning } = report;
+  if (!learning) return fact("Not tried yet", "whether a policy from the kept is better than one from all: `demosift sift --resume` finds out");
+  if (learning.is_all) return fact("All were kept", "so there is no other policy to compare with");
+  const { gain, low, high, verdict } = learning.gain;
+  const decimals = decimalsFor([learning.from_subset.score, learning.from_all.score]);
+  const between = `between ${signed(low, decimals)} and ${signed(high, decimals)}${unit} by these episodes, from one training each`;
+  const said = { better: "Selecting helped", worse: "Selecting did not help", no_difference: "No difference seen" }[verdict];
+  const [a, b] = [learning.from_subset.success, learning.from_all.success];
+  const success = a == null || b == null ? "" : ` Success ${percent(a)} beside ${percent(b)}.`;
+  return fact(said, `The policy from the kept scores ${signed(gain, decimals)}${unit} beside the one from all, ${between}.${success}`);
+}
+
+function heading() {
+  const number = report.entries.length;
+  const best = report.entries[0];
+  into("top",
+    el("h1", {}, `Which of these ${number} demonstrations teach the agent?`),
+    el("p", { class: "soft" }, `Task ${report.task}, set ${made.set}. Each demonstration was imitated, and the agent that came of it was scored by the task's own heuristic; higher is better.`),
+    el("div", { class: "facts" },
+      report.has_subset
+        ? fact(`Keep ${keptDemos.length} of ${number}`, `Demonstration${keptDemos.length === 1 ? "" : "s"} ${listed(keptDemos)} (asked for: ${report.keep}).`)
+        : fact("Nothing kept yet", "`demosift select --resume` chooses a subset"),
+      fact(`${signed(best.gain, scoreDecimals)}${unit}`, `is what the best one, demonstration ${best.demo}, brings: from ${fixed(report.before, scoreDecimals)} before imitating it to ${fixed(best.after, scoreDecimals)} after.`),
+      verdict()));
+}
+
+function remarks() {
+  const level = percent(report.level);
+  const said = [report.groups > 1
+    ? `Lines divide ${report.groups} groups: a group holds what cannot be told from its best one, by the ${level} interval of their difference.`
+    : "Not separable: this budget can tell no demonstration from the best, so their order may be chance."];
+  if (report.caveat) said.push(report.caveat);
+  const useless = report.entries.filter((entry) => entry.kept && entry.gain <= 0).map((entry) => entry.demo);
+  if (useless.length) said.push(`Kept although imitating it did not make the agent better: ${listed(useless)}.`);
+  if (report.top_set != null) said.push(`That the first ${report.k} are the ${report.k} best has a probability of ${percent(report.top_set)}.`);
+  return said.map((text) => el("p", { class: "small" }, text));
+}
+
+function ranking() {
+  const { entries } = report;
+  const [low, high] = extent(entries.flatMap((entry) => [entry.low, entry.high, 0]));
+  const pad = (high - low) * 0.03;
+  const domain = [low - pad, high + pad];
+  const narrow = matchMedia("(max-width: 720px)").matches;
+  const width = narrow ? 118 : 260;
+  const shows = replay.episodes.length > 0;
+  const head = el("tr", {},
+    el("th", {}, narrow ? "" : "rank"), el("th", { class: "left" }, narrow ? "demo" : "demonstration"), el("th", { class: "wide" }, "steps"),
+    el("th", { class: "wide" }, inUnit("after")), el("th", {}, inUnit("gain")),
+    el("th", { class: "left" }, `${percent(report.level)} interval`, intervalAxis(domain, width)),
+    el("th", {}, `P(top ${report.k})`), el("th", { class: "wide" }, "P(helps)"), el("th", { class: "left" }));
+  const rows = entries.map((entry, place) => el("tr", {
+    class: [entry.kept ? "kept" : "", place && entries[place - 1].group !== entry.group ? "newgroup" : ""].join(" ").trim() || null,
+  },
+    el("td", {}, `${place + 1}`),
+    el("td", { class: "left" }, shows
+      ? el("button", { class: "link", title: "replay it", on: { click: () => window.showDemonstration?.(entry.demo) } }, `${entry.demo}`)
+      : `${entry.demo}`),
+    el("td", { class: "wide" }, `${entry.steps}`),
+    el("td", { class: "wide" }, fixed(entry.after, scoreDecimals)),
+    el("td", {}, signed(entry.gain, scoreDecimals)),
+    el("td", { title: `${signed(entry.low, scoreDecimals)} to ${signed(entry.high, scoreDecimals)}` },
+      intervalRow({ low: entry.low, at: entry.gain, high: entry.high, kept: entry.kept }, domain, width)),
+    el("td", {}, percent(entry.top), narrow ? null : bar(entry.top, 46)),
+    el("td", { class: "wide" }, percent(entry.improves)),
+    el("td", { class: "left" }, entry.kept ? el("span", { class: "tag" }, narrow ? "✓" : "kept") : "")));
+  into("ranking",
+    el("h2", {}, "Ranking"),
+    el("p", { class: "soft" }, `How much better imitating each demonstration makes the agent. The upright line is the agent as it was before (${fixed(report.before, scoreDecimals)}${unit}).`),
+    el("div", { class: "scroll" }, el("table", { id: "places" }, el("thead", {}, head), el("tbody", {}, rows))),
+    remarks());
+}
+
+function variants() {
+  if (!several) return;
+  const best = report.variants.map((_, variant) => Math.max(...report.entries.map((entry) => entry.by_variant[variant])));
+  const rows = report.entries.map((entry) => el("tr", { class: entry.kept ? "kept" : null },
+    el("td", { class: "left" }, `${entry.demo}`),
+    entry.by_variant.map((gain, variant) => el("td", gain === best[variant] ? { style: "font-weight:700" } : {},
+      signed(gain, scoreDecimals), gain === best[variant] ? " ★" : ""))));
+  into("variants",
+    el("h2", {}, "Gain under each variant"),
+    el("p", { class: "soft" }, `${inUnit("Gain")}; ★ marks the best demonstration of a variant. The ranking takes the mean.`),
+    el("div", { class: "scroll" }, el("table", {},
+      el("thead", {}, el("tr", {}, el("th", { class: "left" }, "demonstration"), report.variants.map((name) => el("th", {}, name)))),
+      el("tbody", {}, rows))));
+}
+
+function learning() {
+  const found = report.learning;
+  if (!found) return;
+  // Cloning learns from no environment step, so its curves go by updates.
+  const bySteps = [...found.subset, ...found.all].some((point) => point.environment_steps > 0);
+  const points = (curve) => curve.map((point) => [bySteps ? point.environment_steps : point.updates, point.score, point.score - point.standard_error, point.score + point.standard_error]);
+  const chart = lineChart({
+    series: [
+      { name: `all ${report.entries.length}`, color: "var(--other)", band: "var(--otherband)", dash: "7 4", points: points(found.all) },
+      { name: `the ${keptDemos.length} kept`, color: "var(--ours)", points: points(found.subset), strong: true },
+    ],
+    width: 900, height: 300, labels: true, xName: bySteps ? "environment steps learned from" : "updates",
+    yName: inUnit("heuristic"), summary: "Learning curves of the policy from the kept demonstrations and of the one from all",
+  });
+  const decimals = decimalsFor([found.from_subset.score, found.from_all.score]);
+  const row = (name, point) => el("tr", {}, el("td", { class: "left" }, name),
+    el("td", {}, fixed(point.score, decimals)), el("td", {}, `± ${fixed(point.standard_error, decimals)}`),
+    el("td", {}, percent(point.success)), el("td", {}, count(point.environment_steps)));
+  into("learning",
+    el("h2", {}, "Was it worth it? A policy from scratch"),
+    el("p", { class: "soft" }, "Two policies with the same budget: one imitates the kept demonstrations, the other all of them. The bands are one standard error over the evaluation's episodes; another training would move both."),
+    el("div", { class: "chart" }, chart),
+    el("div", { class: "scroll" }, el("table", {},
+      el("thead", {}, el("tr", {}, el("th", { class: "left" }, "best policy from"), el("th", {}, inUnit("heuristic")), el("th", {}, "standard error"), el("th", {}, "success"), el("th", {}, "learned from, steps"))),
+      el("tbody", {}, row(`the kept (${listed(keptDemos)})`, found.from_subset), row("all", found.from_all)))));
+}
+
+function adaptation() {
+  const curves = report.curves.filter((curve) => curve.score.length || curve.accuracy.length);
+  if (!curves.length) return;
+  const ys = extent(curves.flatMap((curve) => [...curve.score.flatMap((band) => [band.low, band.high]), curve.before, curve.after]));
+  const place = el("div", { class: "multiples" });
+  const points = (bands) => bands.map((band, update) => [update, band.mean, band.low, band.high]);
+  function show(variant) {
+    place.replaceChildren(...report.entries.map((entry) => {
+      const curve = curves.find((one) => one.demo === entry.demo && one.variant === variant);
+      if (!curve) return el("figure", {});
+      const [color, band] = entry.kept ? ["var(--ours)", "var(--band)"] : ["var(--soft)", "var(--faint)"];
+      const xs = [0, Math.max(1, curve.score.length, curve.accuracy.length)];
+      return el("figure", {},
+        el("h3", {}, `${placeOf.get(entry.demo)}. demonstration ${entry.demo} `, entry.kept ? el("span", { class: "tag" }, "kept") : null),
+        curve.score.length ? lineChart({
+          // The last point is the agent that came out, which was evaluated and not only played.
+          series: [{ color, band, points: [...points(curve.score), [curve.score.length, curve.after, curve.after, curve.after]] }],
+          levels: [{ at: curve.before }], width: 230, height: 130, x: xs, y: ys, whole: true,
+          summary: `Heuristic while imitating demonstration ${entry.demo}`,
+        }) : null,
+        curve.accuracy.length ? lineChart({
+          series: [{ color: "var(--other)", band: "var(--otherband)", points: points(curve.accuracy), stroke: 1.5 }],
+          levels: [{ at: 0.5 }], width: 230, height: 78, x: xs, y: [0.4, 1], whole: true,
+          summary: `Accuracy of the discriminator of demonstration ${entry.demo}`,
+        }) : null);
+    }));
+  }
+  into("adaptation",
+    el("h2", {}, "How each adaptation went"),
+    el("p", { class: "soft" }, `Above: the heuristic${unit ? ` in${unit}` : ""} over the updates, the mean and the range of the repeats; the dotted line is the agent before. Below: which share the discriminator told right; at 0.5 it cannot tell the agent from the demonstration, at 1 it always can. The adapted agents are ${significant(report.adapted_behaviors_distance)} away from what was demonstrated (adapted behaviors distance, the mean of the set).`),
+    several ? el("div", { class: "controls" }, el("label", {}, "Variant", el("select", { on: { change: (event) => show(Number(event.target.value)) } },
+      report.variants.map((name, variant) => el("option", { value: variant }, name))))) : null,
+    place);
+  show(0);
+}
+
+function weights() {
+  const trends = report.weights;
+  if (!trends?.rounds.length) return;
+  const series = report.entries.map((entry) => ({
+    name: `${entry.demo}${trends.demos.includes(entry.demo) ? " kept" : ""}`, strong: trends.demos.includes(entry.demo),
+    color: trends.demos.includes(entry.demo) ? "var(--ours)" : "var(--soft)", dash: trends.demos.includes(entry.demo) ? null : "3 3",
+    points: [[0, 1], ...trends.rounds.map((round, index) => [index + 1, round[entry.demo]])],
+  }));
+  into("weights",
+    el("h2", {}, "Weights, round by round"),
+    el("p", { class: "soft" }, trends.end === "converged"
+      ? "Demonstrations that help count more and more, the others less. It ended as the subset no longer changed."
+      : "Demonstrations that help count more and more, the others less. It ended at the limit of rounds; the subset still changed."),
+    el("div", { class: "chart" }, lineChart({ series, width: 900, height: 320, labels: true, xName: "round", yName: "weight", whole: true, summary: "Weight of each demonstration over the rounds" })));
+}
+
+function opinions() {
+  if (!report.opinions.length) return;
+  const number = report.entries.length;
+  // A third of the set away is far: about what two unrelated rankings differ by on average.
+  const far = (place, opinion) => opinion.spearman != null && Math.abs(opinion.places[place] - (place + 1)) >= number / 3;
+  const rows = report.entries.map((entry, place) => el("tr", {},
+    el("td", {}, `${place + 1}`), el("td", { class: "left" }, `${entry.demo}`),
+    report.opinions.map((opinion) => el("td", { class: far(place, opinion) ? "far" : null, title: `place ${significant(opinion.places[place])} of ${number}` },
+      significant(opinion.scores[place]), far(place, opinion) ? (opinion.places[place] > place + 1 ? " ▼" : " ▲") : ""))));
+  rows.push(el("tr", {}, el("td", {}), el("td", { class: "left" }, "Spearman with the gain"),
+    report.opinions.map((opinion) => el("td", { style: "font-weight:650" }, opinion.spearman == null ? "–" : signed(opinion.spearman, 2)))));
+  into("opinions",
+    el("h2", {}, "What the recordings alone say"),
+    el("p", { class: "soft" }, "Scorers that look at the data and try nothing; higher is better by their own lights. None of it enters the ranking. ▲ stands where a scorer would place a demonstration at least a third of the set higher than trying it does, ▼ where lower."),
+    made.unusable ? el("p", { class: "small" }, `The demonstrations' own heuristic is not known: ${made.unusable}`) : null,
+    el("div", { class: "scroll" }, el("table", {},
+      el("thead", {}, el("tr", {}, el("th", {}, "rank"), el("th", { class: "left" }, "demonstration"), report.opinions.map((opinion) => el("th", { title: opinion.meaning }, opinion.name)))),
+      el("tbody", {}, rows))),
+    el("details", {}, el("summary", { class: "small" }, "What each number is"),
+      report.opinions.map((opinion) => el("p", { class: "small" }, el("b", {}, opinion.name), `: ${opinion.meaning}`))));
+}
+
+function costs() {
+  const { stages, quota, of_quota } = report.costs;
+  if (!stages.length) return;
+  const most = Math.max(...stages.map(([, steps]) => steps));
+  into("costs",
+    el("h2", {}, "What it cost"),
+    el("p", { class: "soft" }, `In environment steps. Every method may spend ${count(quota)} on learning to imitate and judging; ${report.method} spent ${count(of_quota)} of them.`),
+    el("div", { class: "scroll" }, el("table", {}, el("tbody", {}, stages.map(([stage, steps]) => el("tr", {},
+      el("td", { class: "left" }, STAGES[stage] ?? stage), el("td", {}, count(steps)), el("td", { class: "left", style: "width:55%" }, bar(steps / most, 260))))))));
+}
+
+function configuration() {
+  into("configuration",
+    el("h2", {}, "How it was made"),
+    el("p", { class: "small" }, `demosift ${made.demosift}, method ${report.method}, task ${report.task}: episodes of at most ${report.horizon} control steps of ${significant(report.control_step_secs)} s. Set ${made.set}, SHA-256 ${made.sha256.slice(0, 16)}….`),
+    el("details", {}, el("summary", {}, "Configuration"), el("pre", {}, made.configuration)));
+  into("foot", el("p", {}, "This page is one file and needs no network. The numbers are also in the JSON files of the run folder."),
+    replay.episodes.length ? el("details", {}, el("summary", {}, "The replay is drawn by three.js, under its license"), el("pre", {}, document.getElementById("license").textContent)) : null);
+}
+
+heading();
+ranking();
+variants();
+learning();
+adaptation();
+weights();
+opinions();
+costs();
+configuration();

@@ -1,0 +1,187 @@
+//! The report as a user gets it: what is in the file, and what a browser makes of it.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+#![allow(clippy::print_stderr, reason = "a test that was skipped says so")]
+
+mod support;
+
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::Value;
+use support::{Scratch, in_repository};
+
+const POINT_MASS: &str = "--task point_mass --config tiny.toml";
+
+/// What a page says of itself: what it threw or complained of, its rows, and how many colors each third of its picture has.
+const PROBE: &str = "<script>
+setTimeout(() => {
+  const canvas = document.querySelector('canvas');
+  const thirds = [];
+  if (canvas) {
+    const flat = Object.assign(document.createElement('canvas'), { width: canvas.width, height: canvas.height });
+    const context = flat.getContext('2d');
+    context.drawImage(canvas, 0, 0);
+    for (let third = 0; third < 3; third++) {
+      const colors = new Set();
+      const part = context.getImageData((third * flat.width) / 3 | 0, 0, flat.width / 3 | 0, flat.height).data;
+      for (let at = 0; at < part.length; at += 4) colors.add((part[at] << 16) | (part[at + 1] << 8) | part[at + 2]);
+      thirds.push(colors.size);
+    }
+  }
+  const found = {
+    errors: window.complaints, rows: document.querySelectorAll('#places tbody tr').length, thirds,
+    images: document.images.length, charts: document.querySelectorAll('section svg').length,
+    wide: document.documentElement.scrollWidth > innerWidth, title: document.title,
+    sections: [...document.querySelectorAll('section')].filter((one) => one.textContent).map((one) => one.id),
+  };
+  document.body.replaceChildren(Object.assign(document.createElement('pre'), { id: 'found', textContent: btoa(JSON.stringify(found)) }));
+}, 1500);
+</script>";
+const LISTEN: &str = "<script>
+window.complaints = [];
+addEventListener('error', (event) => complaints.push(String(event.message)));
+addEventListener('securitypolicyviolation', (event) => complaints.push('blocked ' + event.blockedURI));
+for (const kind of ['error', 'warn']) console[kind] = (...said) => complaints.push(said.join(' '));
+</script>";
+
+/// Opens a page and asks it; `None` where there is no browser.
+fn looked_at(scratch: &Scratch, page: &str, size: &str) -> Option<Value> {
+    if Command::new("chromium").arg("--version").output().is_err() {
+        eprintln!("skipped: there is no chromium to look with");
+        return None;
+    }
+    let html = std::fs::read_to_string(scratch.0.join(page)).unwrap();
+    let probed = html.replacen("<title>", &format!("{LISTEN}<title>"), 1).replacen(
+        "</body>",
+        &format!("{PROBE}</body>"),
+        1,
+    );
+    assert_eq!(probed.len(), html.len() + LISTEN.len() + PROBE.len());
+    let file = scratch.0.join("probed.html");
+    std::fs::write(&file, probed).unwrap();
+    let output = Command::new("chromium")
+        .args(
+            "--headless --no-sandbox --disable-quic --no-first-run --disable-background-networking"
+                .split(' '),
+        )
+        .args("--disable-component-update --disable-sync --use-gl=angle --use-angle=swiftshader".split(' '))
+        .args(["--enable-unsafe-swiftshader", "--virtual-time-budget=5000", "--dump-dom"])
+        .arg(format!("--user-data-dir={}", scratch.0.join("browser").display()))
+        .arg(format!("--window-size={size}"))
+        .arg(format!("file://{}#at=0.5", file.display()))
+        .output()
+        .unwrap();
+    let dom = String::from_utf8_lossy(&output.stdout).into_owned();
+    let said = dom.split("id=\"found\">").nth(1).and_then(|rest| rest.split('<').next());
+    let said = said.unwrap_or_else(|| panic!("{dom:.2000}\n{}", String::from_utf8_lossy(&output.stderr)));
+    use base64::Engine as _;
+    let json = base64::engine::general_purpose::STANDARD.decode(said).unwrap();
+    Some(serde_json::from_slice(&json).unwrap())
+}
+
+/// The data inside a page.
+fn data(scratch: &Scratch, page: &str) -> Value {
+    let html = std::fs::read_to_string(scratch.0.join(page)).unwrap();
+    let begun = html.split("<script type=\"application/json\" id=\"data\">").nth(1).unwrap();
+    serde_json::from_str(begun.split("</script>").next().unwrap()).unwrap()
+}
+
+#[test]
+fn the_page_of_a_task_without_a_model_says_so_and_shows_the_rest() {
+    let scratch = Scratch::new("report-plain");
+    // A name that would become markup if it were not escaped.
+    let set = "a<img src=x onerror=alert(1)>";
+    std::fs::rename(scratch.0.join("set"), scratch.0.join(set)).unwrap();
+    let tiny = ["--task", "point_mass", "--config", "tiny.toml", "--keep", "weights", "--out", "run"];
+    let fewer = ["--set", "subset_selection.rounds=3", "--set", "subset_selection.meta_updates=1"];
+    let output = scratch.command("sift").arg(set).args(tiny).args(fewer).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("Report: run/report.html"));
+    let found = data(&scratch, "run/report.html");
+    assert_eq!(found["made"]["set"], set);
+    assert!(found["replay"]["scene"].is_null() && found["replay"]["missing"].is_string());
+    let Some(seen) = looked_at(&scratch, "run/report.html", "1100,900") else { return };
+    assert_eq!(seen["errors"], Value::Array(vec![]), "{seen}");
+    assert_eq!((&seen["rows"], &seen["images"]), (&Value::from(4), &Value::from(0)), "{seen}");
+    let sections =
+        ["ranking", "replay", "learning", "adaptation", "weights", "opinions", "costs", "configuration"];
+    assert_eq!(seen["sections"], Value::from(sections.to_vec()));
+}
+
+#[test]
+fn the_page_of_free_throws_plays_demonstrations_and_agents() {
+    let scratch = Scratch::new("report-replay");
+    let set = in_repository("data/free_throw_8");
+    let job = "--task free_throw --config tiny.toml --set meta_train.rounds=1 --set judge.iterations=1";
+    scratch.succeed(&format!("judge {} {job} --out run", set.display()));
+    let said = scratch.succeed("report run --json");
+    let said: Value = serde_json::from_str(&said).unwrap();
+    let found = data(&scratch, "run/report.html");
+    assert_eq!(said["report"], found["report"]);
+
+    // Eight demonstrations, and the agent before and after each of them.
+    let episodes = found["replay"]["episodes"].as_array().unwrap();
+    let of = |part: &str| episodes.iter().filter(|episode| episode["part"] == part).count();
+    assert_eq!((of("demonstration"), of("before"), of("after")), (8, 1, 8));
+    let bodies = found["replay"]["scene"]["bodies"].as_u64().unwrap();
+    for episode in episodes {
+        let bytes = episode["frames"].as_u64().unwrap() * bodies * 14;
+        assert_eq!(episode["poses"].as_str().unwrap().len() as u64, bytes.div_ceil(3) * 4);
+    }
+    // The file of the scores says what each of these episodes scored.
+    let scores: Value = serde_json::from_slice(&scratch.files("run")["scores.json"]).unwrap();
+    for of in scores["suitabilities"].as_array().unwrap() {
+        let after = episodes.iter().find(|one| one["part"] == "after" && one["demo"] == of["demo"]).unwrap();
+        assert!(of["after"][0].as_array().unwrap().contains(&after["score"]), "{}", of["demo"]);
+    }
+    let size = std::fs::metadata(scratch.0.join("run/report.html")).unwrap().len();
+    assert!(size < 10_000_000, "{size} bytes");
+
+    for window in ["1100,1000", "480,900"] {
+        let Some(seen) = looked_at(&scratch, "run/report.html", window) else { return };
+        assert_eq!(seen["errors"], Value::Array(vec![]), "{seen}");
+        assert_eq!((&seen["rows"], &seen["wide"]), (&Value::from(8), &Value::from(false)), "{seen}");
+        // A panel that shows nothing but the sky has one color.
+        let thirds = seen["thirds"].as_array().unwrap();
+        assert_eq!(thirds.len(), 3);
+        assert!(thirds.iter().all(|colors| colors.as_u64().unwrap() > 50), "{seen}");
+    }
+}
+
+#[test]
+fn a_page_asks_nothing_of_the_network_and_is_the_same_each_time() {
+    let scratch = Scratch::new("report-twice");
+    scratch.succeed(&format!("sift set {POINT_MASS} --out run"));
+    let first = scratch.files("run");
+    scratch.succeed("report run --threads 1");
+    assert!(first["report.html"] == scratch.files("run")["report.html"]);
+    let html = String::from_utf8_lossy(&first["report.html"]).into_owned();
+    assert!(html.contains("default-src 'none'"), "the browser is told to load nothing");
+    for wanting in [" src=\"", "@import", "url(", "<link rel=\"stylesheet\""] {
+        let markup = html.split("<script").next().unwrap();
+        assert!(!markup.contains(wanting), "{wanting}");
+    }
+    assert!(!html.contains(&scratch.0.display().to_string()), "no path of this machine");
+}
+
+#[test]
+fn mistakes_are_told() {
+    let scratch = Scratch::new("report-mistakes");
+    let complaint = |arguments: &str| {
+        let output = scratch.run(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments}");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    assert!(complaint("report nowhere").contains("no run to resume"));
+    assert!(!Path::new(&scratch.0.join("nowhere")).exists());
+    scratch.succeed(&format!("meta-train set {POINT_MASS} --out begun"));
+    let said = complaint("report begun");
+    assert!(said.contains("has not judged") && said.contains("hint: "), "{said}");
+    scratch.succeed("judge --out begun --resume");
+    scratch.succeed("report begun");
+    // A set that has moved is found again where the user says it is.
+    std::fs::rename(scratch.0.join("set"), scratch.0.join("moved")).unwrap();
+    assert!(complaint("report begun").contains("demonstrations.hdf5"));
+    scratch.succeed("report begun --data moved");
+}
