@@ -12,6 +12,7 @@
 //! | what if the lengths differ | the steps that both have; an agent that falls early is measured while it stands |
 //! | how many of the agent's episodes | any number, and the mean over them |
 //! | whether the agent acts by its mean or samples | the caller's choice; Algorithm 2 samples |
+//! | whether actions beyond the range count as drawn or as executed | as drawn: an agent that overshoots does not do what was shown |
 //! | the units of the states | raw, as recorded: a distance is comparable within a task, and a column with large numbers rules |
 
 use crate::demonstration::Demonstration;

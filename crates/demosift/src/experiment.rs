@@ -142,7 +142,12 @@ pub fn check(set: &DemonstrationSet, task: &Specification, config: &Config) -> R
     check_fits(set, task)?;
     check_numbers(config)?;
     check_order(config)?;
-    let smallest = config.subset_selection.smallest;
+    let SubsetSelection { smallest, floor, epsilon, .. } = config.subset_selection;
+    if floor >= epsilon {
+        return Err(Error::bad_config(format!(
+            "subset_selection.floor = {floor}, and must be below subset_selection.epsilon = {epsilon}, or all are kept"
+        )));
+    }
     if smallest > set.len() {
         return Err(Error::bad_config(format!(
             "subset_selection.smallest = {smallest}, and must be at most the {} demonstrations there are",

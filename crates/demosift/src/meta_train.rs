@@ -6,7 +6,7 @@
 //!
 //! | Algorithm 1 | here |
 //! |---|---|
-//! | 1: initialize θ, Q, D_meta | [`MetaState::start`] |
+//! | 1: initialize θ, Q, D_meta | [`MetaState::start`], or [`MetaState::from_prior`] where θ and D_meta know something |
 //! | 2, 5: sample a batch of demonstrations, and of environments for each | [`tasks_of_round`] |
 //! | 3: while not done | [`meta_train`] |
 //! | 4, 6, 16, 17: for all v_i, for all e_j | the parallel loops in the steps of [`Round::play`] |

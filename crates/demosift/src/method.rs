@@ -14,7 +14,7 @@
 //! What a method cannot spend is less than one of its own steps: a round, an update, or an iteration of every adaptation.
 //! All counts take episodes to last to the horizon; where they end early, every method plays as many but shorter ones.
 //! By behavioral cloning, which plays nothing to learn, the quota is counted in inner updates instead, and what mutual
-//! information plays comes on top.
+//! information plays comes on top; an update toward the entire set goes over more pairs than one toward a demonstration.
 //! The policies learned from subsets afterwards are no part of the quota; they have a budget of their own.
 //!
 //! Where we differ: the paper counts the quota in iterations, which cost different things in meta-training and judging;

@@ -3,7 +3,7 @@
 //! A posterior Q looks at what a policy did before and after imitating a demonstration and predicts the demonstration's
 //! encoding; the better it can, the more the adapted behaviors differ by what was imitated.
 //! Q is fitted to one set of (before, after) pairs of trajectories and pays log Q on another, held-out set.
-//! What is paid becomes the advantages of the trajectories *before* the update; stepping on them is the business of
+//! What is paid becomes the advantages of the trajectories that are paid; stepping on them is the business of
 //! [`crate::trpo`], and adding that step to the adapted policy that of [`crate::meta_train`].
 //!
 //! | paper | here |
@@ -12,14 +12,14 @@
 //! | Table 3: Q, a siamese LSTM | [`Posterior`] |
 //! | Algorithm 1 line 11: update Q with τ, τ'_ij and encoded v_i | [`fit`] |
 //! | line 13: R_MI with the newly sampled trajectories, as (5) | [`information_rewards`] |
-//! | line 14, what TRPO needs for ∇L_MI(f_θ) on the old trajectories | [`advantages`] |
+//! | line 14, what TRPO needs for ∇L_MI | [`advantages`] |
 //!
 //! Where we differ: Eq. 5 has R_MI = −E[log Q] and Eq. 4 and the text maximize E[log Q], so the reward is +log Q.
 //! Eq. 5 pays at t = 0 and would credit the first action alone; by default the whole trajectory is credited.
 //! One update changes what a policy does by much less than the noise of its actions does, and from trajectories as they are
 //! Q learned nothing.
 //! So they are played with less noise ([`crate::meta_train::MutualInformation`]), each that is paid is compared with the mean
-//! of the other side, and Q sees both from the middle between them, in units of how far updates move that reading.
+//! of the other side, and Q sees both from the middle between them, in units of how far such trajectories lie apart at that reading.
 //! Line 11 stands inside the loops over demonstrations; fitted to one of them after the other, Q would know the last
 //! one best, so that it is fitted to all of a round at once.
 
@@ -115,9 +115,10 @@ pub fn fit(
     let mut fitted = posterior.clone().scaled_to(changes);
     let mut workspaces = Vec::new();
     let mut rng = seed.into_rng();
-    for _ in 0..fitting.steps {
-        let pairs: Vec<Pair<'_>> =
-            (0..fitting.batch).map(|index| draw(&changes[index % changes.len()], &mut rng)).collect();
+    for step in 0..fitting.steps {
+        let pairs: Vec<Pair<'_>> = (0..fitting.batch)
+            .map(|index| draw(&changes[(step * fitting.batch + index) % changes.len()], &mut rng))
+            .collect();
         let gradient = gradient(&fitted, &pairs, &mut workspaces);
         if gradient.iter().any(|value| !value.is_finite()) {
             return Err(Error::diverged("the gradient of the posterior is not a finite number"));

@@ -51,7 +51,7 @@ impl Preset {
                 checkpoint_every: 10,
             },
             mutual_information: MutualInformation {
-                paid: Paid::Before,
+                paid: Paid::After,
                 credit: Credit::Trajectory,
                 batch_steps: self.by(1000, 1000, 2000),
                 noise: 0.2,

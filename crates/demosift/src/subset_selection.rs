@@ -194,7 +194,9 @@ struct Round<'a> {
 /// Line 3: N meta-updates with the weights of the state.
 fn fine_tune(round: &Round<'_>, meta: MetaState, observer: &mut dyn Observer) -> Result<MetaState> {
     let Means { selection, training, inner, information, .. } = *round.means;
-    let training = MetaTraining { rounds: meta.rounds + selection.meta_updates, ..training.clone() };
+    // All demonstrations in each update: of a batch drawn from them only shares would count, and it may hold none that helps.
+    let (rounds, meta_batch) = (meta.rounds + selection.meta_updates, round.set.len());
+    let training = MetaTraining { rounds, meta_batch, ..training.clone() };
     let learning = (&training, inner, information);
     let seed = round.seed.of("meta_train");
     let mut within = Within { observer, round: round.number };

@@ -137,7 +137,7 @@ fn section_5_4_by_cloning_all_methods_make_as_many_inner_updates() {
 #[test]
 fn section_5_other_methods_put_a_planted_good_demonstration_first() {
     let set = planted_set(&[180.0, 10.0, 120.0, -15.0, -130.0], Seed::new(50)).unwrap();
-    // Avg Fine-Tune is left out: what it pre-trained here no longer moves within six updates, which is the paper's point.
+    // Avg Fine-Tune is left out: what it pre-trained here no longer moves within six updates.
     for (name, method) in Method::ALL.into_iter().filter(|(_, method)| *method != Method::AvgFineTune) {
         let task = PointMass::new();
         let (ledger, observer) = (&mut InMemory::default(), &mut Silent);

@@ -93,8 +93,10 @@ fn worth(
     let random = (0..random)
         .map(|number| Ok(experiment::random_subset(run, kept.demos.len(), number)?.outcome.score))
         .collect::<Result<Vec<Score>>>()?;
-    let best = alone.iter().max_by(|a, b| a.mean.total_cmp(&b.mean)).expect("a set has demonstrations").demo;
-    let shares: Vec<f64> = curves[best.0].iter().map(|alone| metrics::share_of_best(kept, alone)).collect();
+    let best =
+        alone.iter().rev().max_by(|a, b| a.mean.total_cmp(&b.mean)).expect("a set has demonstrations").demo;
+    let shares = curves[best.0].iter().map(|alone| metrics::share_of_best(kept, alone));
+    let shares: Vec<f64> = shares.filter(|share| share.is_finite()).collect();
     let score = kept.outcome.score;
     let against_random = metrics::against_random(score, &random);
     Ok(Worth { score, best: (best, metrics::mean(&shares)), random, against_random })

@@ -6,12 +6,13 @@
 //! | 11: update Q with τ, τ'_ij and encoded v_i | [`mutual_information::fit`] in [`regularize`] |
 //! | 12: sample new trajectories using f_θ and f_θ'_i | [`play_quietly`] |
 //! | 13: compute R_MI_i with Q on the new trajectories as (5) | [`mutual_information::information_rewards`] in [`inform`] |
-//! | 14: θ''_i = θ'_i − α∇L_MI_i(f_θ) with TRPO as (7) | [`inform`] |
+//! | 14: θ''_i = θ'_i − α∇L_MI_i(f_θ'_i) with TRPO | [`inform`] |
 //!
-//! Eq. 7 takes the gradient on the old trajectories, at θ, and applies it to θ'_i, and so do we by default.
+//! The box writes ∇L_MI_i(f_θ'_i): the gradient at θ'_i on its own trajectories, which is what we take.
+//! Eq. 7 takes it on the old trajectories, at θ, and applies it to θ'_i, which [`Paid::Before`] does; reading 4 in
+//! `docs/paper.md` says why that works against itself.
 //! The box has Q compare with the trajectories of line 7; ours are played with less noise, so that line 10 plays f_θ too.
-//! The gradients of lines 13 and 14 are those of the policies with less noise, and their step is added to θ'_i.
-//! The box writes ∇L_MI_i(f_θ'_i) in line 14, which [`Paid::After`] does: the gradient at θ'_i on its own trajectories.
+//! The gradient of line 14 is that of the policy with less noise, and the step of its mean is added to θ'_i.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -34,7 +35,7 @@ use crate::trpo::{self, TrustRegion};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MutualInformation {
-    /// Which trajectories are paid (Eq. 7: those before the update).
+    /// Which trajectories are paid (line 14 of Algorithm 1: those after the update; Eq. 7: those before).
     pub paid: Paid,
     /// Which of their actions are credited (§4.2 reads as the first one; see reading 3 in `docs/paper.md`).
     pub credit: Credit,
@@ -46,7 +47,8 @@ pub struct MutualInformation {
     pub noise: f64,
     /// Q's shape and fit.
     pub posterior: PosteriorFitting,
-    /// The trust region of line 14 for α = 1 (A.2.1: KL 0.15).
+    /// The trust region of line 14 for α = 1 (A.2.1: KL 0.15), at the policy with less noise, where the gradient is estimated;
+    /// the KL divergence of θ''_i from θ'_i is `noise`² of it.
     pub trust_region: TrustRegion,
 }
 
@@ -84,7 +86,7 @@ pub(super) struct Report {
     pub(super) explained: f64,
     /// σ of Q, from the pairs that it was fitted to.
     pub(super) std: f64,
-    /// Mean KL divergence that the steps reached.
+    /// Mean KL divergence that the steps reached, of the policies with less noise.
     pub(super) kl: f64,
     /// Environment steps that were played for this.
     pub(super) environment_steps: usize,
@@ -212,8 +214,10 @@ fn inform(
 ) -> Result<Informed> {
     let rewards = information_rewards(posterior, before, after, encoding);
     let advantages = advantages(&rewards, &played.lengths, how.credit);
-    let step =
+    let mut step =
         trpo::step(&played.experiences(policy, &advantages, 1.0), &how.trust_region, round.inner.alpha(0))?;
+    // What the little noise should become says nothing of the noise that θ'_i has.
+    step.displacement[policy.network_parameters().len()..].fill(0.0);
     Ok(Informed {
         displacement: step.displacement,
         kl: step.kl,

@@ -129,7 +129,10 @@ fn moves_along_the_gradient(paid: Paid) {
                 Paid::Before => (&old_policy, &old),
                 Paid::After => (&new_policy, &new),
             };
-            let of = |by: &[f64]| log_probabilities(policy, by, &played.observations, &played.actions);
+            // The spread of the actions is not moved.
+            let whole = |by: &[f64]| [by, &vec![0.0; policy.action_size()]].concat();
+            let of =
+                |by: &[f64]| log_probabilities(policy, &whole(by), &played.observations, &played.actions);
             let zeros = vec![0.0; displacement.len()];
             let ratios: Vec<f64> =
                 of(displacement).iter().zip(of(&zeros)).map(|(new, old)| new - old).collect();
@@ -137,10 +140,11 @@ fn moves_along_the_gradient(paid: Paid) {
             // Σ_t of the log ratio has the gradient of the trajectory's ratio.
             episodes.map(|(log_ratios, reward)| log_ratios.iter().sum::<f64>() * (reward - mean)).sum::<f64>()
         };
+        assert_eq!(informed.log_std(), adapted.log_std());
         let displacement: Vec<f64> = informed
-            .parameters()
+            .network_parameters()
             .iter()
-            .zip(adapted.parameters())
+            .zip(adapted.network_parameters())
             .map(|(there, here)| f64::from(there - here))
             .collect();
         let squared: f64 = displacement.iter().map(|value| value * value).sum();
@@ -181,7 +185,7 @@ fn algorithm_1_line_13_judges_the_posterior_on_held_out_pairs() {
         let (_, before) = play_again(&playground, &scene.prior.policy, (name, "before"), &how);
         let squared_error = |(demo, policy): (usize, &Policy)| {
             let (_, after) = play_again(&playground, policy, (name, "after"), &how);
-            let (before, after) = (read(&before, &how), read(&after, &how).averaged());
+            let (before, after) = (read(&before, &how).averaged(), read(&after, &how));
             let posterior = &scene.state.posterior;
             mutual_information::mean_squared_error(posterior, &before, &after, scene.encodings[demo])
         };

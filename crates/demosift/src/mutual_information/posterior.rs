@@ -26,7 +26,11 @@ use crate::seed::Seed;
 /// certain, and a density without bounds would make the reward one of outliers.
 const SMALLEST_STD: f64 = 0.1;
 
-/// No reading is taken to be moved by less than this, in units of the observation filter.
+/// What lies farther from the middle of its pair than this, in units of the scales, was not seen in the fit, and is not to
+/// rule what is paid.
+const FARTHEST: f32 = 5.0;
+
+/// No scale is below this, in units of the observation filter.
 const SMALLEST_SCALE: f64 = 1e-4;
 
 /// Q(v | Δπ), a Gaussian density of the standardized encoding.
@@ -36,7 +40,7 @@ pub struct Posterior {
     head: Mlp,
     /// The LSTM's parameters, then the head's.
     parameters: Vec<f32>,
-    /// How far an update moves each reading of each observation, `[readings, obs]`.
+    /// How far the paid trajectories lie from the mean of the other side, reading by reading, `[readings, obs]`.
     scales: Vec<f32>,
     std: f64,
 }
@@ -108,7 +112,8 @@ impl Posterior {
     /// A pair as the LSTM reads it: each of the two from the middle between them, in units of the scales; `[readings, obs]`.
     pub(super) fn seen(&self, before: &[f32], after: &[f32]) -> [Vec<f32>; 2] {
         let half = before.iter().zip(after).enumerate().map(|(at, (before, after))| {
-            0.5 * (after - before) / self.scales.get(at).copied().unwrap_or(1.0)
+            let half = 0.5 * (after - before) / self.scales.get(at).copied().unwrap_or(1.0);
+            half.clamp(-FARTHEST, FARTHEST)
         });
         let after: Vec<f32> = half.collect();
         [after.iter().map(|half| -half).collect(), after]
