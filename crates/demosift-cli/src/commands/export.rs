@@ -206,6 +206,10 @@ fn as_csv(kept: &Kept) -> Result<String> {
 /// Prints words, or writes them where they are wanted.
 fn say(text: &str, arguments: &ExportArguments) -> Result<()> {
     match &arguments.out {
+        Some(out) if out.exists() => Err(Error::bad_input(
+            "there is something of this name already; wanted the name of a new file",
+        )
+        .at(out)),
         Some(out) => files::write_atomically(out, text.as_bytes()),
         None => {
             terminal::show(text);

@@ -66,9 +66,10 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
 
 /// One table an episode.
 fn split(name: &str, array: Array<f32>) -> Result<Vec<Rows>> {
-    let &[_, steps @ 1..=usize::MAX, width @ 1..=usize::MAX] = array.shape.as_slice() else {
+    // With no extent of 0 the product cannot overflow: there are as many elements.
+    let &[1..=usize::MAX, steps @ 1..=usize::MAX, width @ 1..=usize::MAX] = array.shape.as_slice() else {
         return Err(Error::bad_input(format!(
-            "'{name}' has shape {:?}; wanted [episodes, steps, numbers a step]",
+            "'{name}' has shape {:?}; wanted [episodes, steps, numbers a step], at least one of each",
             array.shape
         )));
     };

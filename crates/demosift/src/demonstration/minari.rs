@@ -120,7 +120,8 @@ pub(super) fn read_parquet(path: &Path, columns: &Columns) -> Result<Source> {
             observations.push(read(&resolved.observations)?);
             actions.push(read(&resolved.actions)?);
         }
-        let (Some(observations), Some(padded)) = (stacked(observations), stacked(actions)) else {
+        let both = stacked(observations, "observations").and_then(|all| Ok((all, stacked(actions, "actions")?)));
+        let (Some(observations), Some(padded)) = both.map_err(|error| error.at(folder))? else {
             return Err(Error::bad_input("there is no parquet file in this folder of an episode").at(folder));
         };
         let actions = padded.head(padded.len().saturating_sub(1));
@@ -133,13 +134,23 @@ pub(super) fn read_parquet(path: &Path, columns: &Columns) -> Result<Source> {
 }
 
 /// Tables one below the other; those of one episode that was written in parts.
-fn stacked(tables: Vec<Rows>) -> Option<Rows> {
-    tables.into_iter().reduce(|mut all, next| {
-        if all.width() == next.width() {
-            all.append(&next);
+///
+/// # Errors
+/// `is_bad_input` if they differ in width.
+fn stacked(tables: Vec<Rows>, what: &str) -> Result<Option<Rows>> {
+    let mut tables = tables.into_iter();
+    let Some(mut all) = tables.next() else { return Ok(None) };
+    for next in tables {
+        if next.width() != all.width() {
+            return Err(Error::bad_input(format!(
+                "the {what} of an episode have {} numbers a step in one of its files and {} in another; wanted as many in each",
+                all.width(),
+                next.width()
+            )));
         }
-        all
-    })
+        all.append(&next);
+    }
+    Ok(Some(all))
 }
 
 /// All parquet files, episode by episode.
