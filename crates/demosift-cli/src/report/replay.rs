@@ -69,9 +69,7 @@ pub(crate) fn of(job: &mut Job) -> Result<Replay> {
     };
     match played(&task, job) {
         // A replay that cannot be had is no reason to go without the report.
-        Err(error) if !error.is_io() => {
-            Ok(Replay::none(&format!("There is no replay: {}", error.message())))
-        }
+        Err(error) if !error.is_io() => Ok(Replay::none(&format!("There is no replay: {}", error.message()))),
         replay => replay,
     }
 }
