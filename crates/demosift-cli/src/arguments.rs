@@ -34,9 +34,9 @@ pub(crate) enum Command {
     Imitate(ImitateArguments),
     /// Imitate each demonstration alone from scratch with the full budget: what a ranking is compared with
     Oracle(OracleArguments),
-    /// Play a policy, or recorded demonstrations again: scores, and pictures if you want them
     /// Write report.html into a run folder: all that the run found as one page to look at, with a 3-D replay
     Report(ReportArguments),
+    /// Play a policy, or recorded demonstrations again: scores, and pictures if you want them
     Play(PlayArguments),
     /// Show what a file of demonstrations holds, and whether it fits a task
     Inspect(InspectArguments),

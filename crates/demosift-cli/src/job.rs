@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use demosift::data_only::DataOnly;
-use demosift::demonstration::DemonstrationSet;
+use demosift::demonstration::{self, DemonstrationSet};
 use demosift::experiment::{self, Config, Run};
 use demosift::method::{Costs, Method};
 use demosift::preset::Preset;
 use demosift::rollout::Playground;
 use demosift::select::Keep;
+use demosift::trajectory::StateLog;
 use demosift::{Error, Result};
 use toml::Table;
 
@@ -27,8 +28,9 @@ pub(crate) const SET_FILE: &str = "demonstrations.hdf5";
 /// A set, a task and a configuration that fit each other, with the run folder that keeps what comes of them.
 pub(crate) struct Job {
     set: DemonstrationSet,
-    /// The file of the set.
+    /// The file or folder of the set.
     path: PathBuf,
+    data: Data,
     chosen: Chosen,
     config: Config,
     folder: RunFolder,
@@ -70,9 +72,9 @@ impl Job {
         experiment::check(&set, plan.chosen.task.specification(), &config)
             .map_err(|error| if error.is_bad_input() { error.at(&path) } else { error })?;
         check(&set, &config)?;
-        let folder = plan.open_folder(Some(data), &values)?;
+        let folder = plan.open_folder(Some(data.clone()), &values)?;
         let progress = Progress::new(MetricsFile::open(folder.path())?);
-        Ok(Self { set, path, chosen: plan.chosen, config, folder, progress })
+        Ok(Self { set, path, data, chosen: plan.chosen, config, folder, progress })
     }
 
     /// Does a part of the job.
@@ -106,7 +108,12 @@ impl Job {
     /// Adds what the demonstrations themselves scored to what others say of them; to be asked for after they are ranked, and
     /// never before.
     pub(crate) fn beside(&self, data_only: DataOnly) -> Beside {
-        own_heuristic::beside(data_only, self.chosen.mujoco.as_ref(), &self.set, &self.path)
+        own_heuristic::beside(data_only, self.chosen.mujoco.as_ref(), &self.set, self.states())
+    }
+
+    /// The simulator's states of the demonstrations, where the set holds them.
+    pub(crate) fn states(&self) -> Result<Option<Vec<StateLog>>> {
+        demonstration::read_states(&self.path, self.data.format)
     }
 
     /// The task.
@@ -114,7 +121,12 @@ impl Job {
         &self.chosen
     }
 
-    /// The file of the set.
+    /// What the run depends on.
+    pub(crate) fn data(&self) -> &Data {
+        &self.data
+    }
+
+    /// The file or folder of the set.
     pub(crate) fn set_path(&self) -> &Path {
         &self.path
     }

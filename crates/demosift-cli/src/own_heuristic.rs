@@ -2,12 +2,11 @@
 //!
 //! Nothing that judges could read it: it comes from the simulator's states in the file, through a door of their own.
 
-use std::path::Path;
-
 use demosift::data_only::{Column, DataOnly};
-use demosift::demonstration::{self, DemonstrationSet};
+use demosift::demonstration::DemonstrationSet;
 use demosift::environment::Task as _;
 use demosift::heuristic::Score;
+use demosift::trajectory::StateLog;
 use demosift::{Error, Result};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::replay;
@@ -20,16 +19,16 @@ pub(crate) struct Beside {
     pub(crate) unusable: Option<Error>,
 }
 
-/// Replays the demonstrations of the set in this file, if it holds states and the task has a simulator for them.
+/// Replays the demonstrations of the set from their `states`, if it holds any and the task has a simulator for them.
 ///
 /// A ranking that took hours is worth showing without this column, so what is wrong here fails nothing.
 pub(crate) fn beside(
     mut data_only: DataOnly,
     task: Option<&MujocoTask>,
     set: &DemonstrationSet,
-    path: &Path,
+    states: Result<Option<Vec<StateLog>>>,
 ) -> Beside {
-    let unusable = match task.map(|task| scores(task, set, path)) {
+    let unusable = match task.map(|task| scores(task, set, states)) {
         None | Some(Ok(None)) => None,
         Some(Ok(Some(scores))) => {
             let meaning = "the task's heuristic of the recorded demonstration itself".to_owned();
@@ -41,8 +40,12 @@ pub(crate) fn beside(
     Beside { data_only, unusable }
 }
 
-fn scores(task: &MujocoTask, set: &DemonstrationSet, path: &Path) -> Result<Option<Vec<Score>>> {
-    let Some(states) = demonstration::read_states(path, None)? else { return Ok(None) };
+fn scores(
+    task: &MujocoTask,
+    set: &DemonstrationSet,
+    states: Result<Option<Vec<StateLog>>>,
+) -> Result<Option<Vec<Score>>> {
+    let Some(states) = states? else { return Ok(None) };
     let scores = set.iter().zip(&states).map(|((id, demonstration), states)| {
         replay::measurements(task, states, demonstration.actions())
             .map(|measured| task.heuristic().score(&measured))

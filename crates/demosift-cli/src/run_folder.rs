@@ -179,13 +179,15 @@ impl Ledger for RunFolder {
     }
 }
 
-/// The bytes that a killed write left behind.
+/// The files and folders that a killed write left behind.
 fn remove_partial(folder: &Path) -> Result<()> {
     let failed = |error: std::io::Error| Error::io("cannot tidy the run folder", folder, &error);
     for entry in fs::read_dir(folder).map_err(failed)? {
         let entry = entry.map_err(failed)?;
         if entry.file_name().to_string_lossy().ends_with(".partial") {
-            fs::remove_file(entry.path()).map_err(failed)?;
+            let path = entry.path();
+            let is_folder = entry.file_type().map_err(failed)?.is_dir();
+            if is_folder { fs::remove_dir_all(path) } else { fs::remove_file(path) }.map_err(failed)?;
         }
     }
     Ok(())

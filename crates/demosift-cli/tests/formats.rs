@@ -71,6 +71,17 @@ fn the_same_demonstrations_give_the_same_scores_in_every_format() {
 }
 
 #[test]
+fn a_set_that_is_a_folder_gets_the_whole_job() {
+    let scratch = Scratch::new("folder");
+    scratch.succeed("convert set --to lerobot --fps 10 lerobot");
+    let said = scratch.succeed("sift lerobot --task point_mass --config tiny.toml --threads 1 --out run");
+    assert!(said.contains("Report: run/report.html"), "{said}");
+    let run: Value = serde_json::from_slice(&scratch.files("run")["run.json"]).unwrap();
+    let page = String::from_utf8(scratch.files("run")["report.html"].clone()).unwrap();
+    assert!(page.contains(run["data"]["sha256"].as_str().unwrap()));
+}
+
+#[test]
 fn what_is_kept_goes_back_to_where_it_came_from() {
     let scratch = Scratch::new("back");
     scratch.succeed("convert set --to lerobot --fps 10 lerobot");
@@ -138,6 +149,10 @@ fn scores_come_with_where_they_are_from() {
     assert!(lines.iter().skip(1).all(|line| line.split(',').count() == 12), "{table}");
     let first: Vec<&str> = lines[2].split(',').collect();
     assert_eq!(first[5].parse::<f64>().unwrap(), rows[0]["score"].as_f64().unwrap());
+
+    let before = fs::read(scratch.0.join("run/run.json")).unwrap();
+    refuses(&scratch, "export run --as json --out run/run.json", &["already", "new file"]);
+    assert_eq!(fs::read(scratch.0.join("run/run.json")).unwrap(), before);
 
     fs::remove_file(scratch.0.join("run/subset.json")).unwrap();
     refuses(&scratch, "export run --as json", &["kept no demonstrations yet", "demosift select"]);

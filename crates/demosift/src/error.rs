@@ -80,6 +80,11 @@ impl Error {
         self
     }
 
+    /// What was wrong, without the file that it is about: for what is handed on to others.
+    pub fn message(&self) -> &str {
+        &self.0.message
+    }
+
     /// What the user could do about it, if there is something to say.
     pub fn hint(&self) -> Option<&str> {
         self.0.hint.as_deref()

@@ -201,6 +201,59 @@ fn a_data_set_that_lacks_files_is_not_taken_for_a_smaller_one() {
     let path = scratch.copy("minari_parquet");
     fs::remove_file(path.join("data/1/part-0.parquet")).unwrap();
     assert_says(&read(&path).unwrap_err(), &["no parquet file", "data/1"]);
+    fs::remove_dir_all(path.join("data/2")).unwrap();
+    fs::remove_dir_all(path.join("data/1")).unwrap();
+    assert_says(&read(&path).unwrap_err(), &["says 3 episodes, and the data set holds 1", "whole folder"]);
+    let path = scratch.copy("minari_hdf5");
+    let file = path.join("data/metadata.json");
+    let text = fs::read_to_string(&file).unwrap();
+    fs::write(&file, text.replace("\"total_steps\": 12", "\"total_steps\": 13")).unwrap();
+    assert_says(&read(&path).unwrap_err(), &["says 13 steps, and the data set holds 12"]);
+}
+
+/// A robomimic file of one step whose next observations have this shape.
+fn robomimic_with_next(path: &Path, next: &[f64], shape: &[u64]) {
+    let mut file = hdf5_pure::FileBuilder::new();
+    let mut data = file.create_group("data");
+    for name in ["demo_0", "demo_1"] {
+        let mut demo = data.create_group(name);
+        demo.create_dataset("actions").with_f64_data(&[0.5]).with_shape(&[1, 1]);
+        for (group, values, shape) in [("obs", &[1.0, 2.0][..], &[1, 2][..]), ("next_obs", next, shape)] {
+            let mut group = demo.create_group(group);
+            group.create_dataset("arm").with_f64_data(values).with_shape(shape);
+            demo.add_group(group.finish());
+        }
+        data.add_group(demo.finish());
+    }
+    file.add_group(data.finish());
+    file.write(path).unwrap();
+}
+
+#[test]
+fn next_observations_that_are_none_are_refused() {
+    let scratch = Scratch::new("next");
+    let path = scratch.0.join("next.hdf5");
+    robomimic_with_next(&path, &[1.0, 2.0, 3.0], &[1, 3]);
+    assert_says(&read(&path).unwrap_err(), &["'next_obs/arm' has shape [1, 3]", "'obs/arm' [1, 2]"]);
+    robomimic_with_next(&path, &[1.0, f64::NAN], &[1, 2]);
+    let episodes = read(&path).unwrap().episodes;
+    let error = minari::write(&scratch.0.join("out"), &episodes, "demosift/test-v0").unwrap_err();
+    assert_says(&error, &["final observation of episode demo_0", "finite"]);
+    robomimic_with_next(&path, &[3.0, 4.0], &[1, 2]);
+    assert_eq!(read(&path).unwrap().episodes[0].last_observation, Some(vec![3.0, 4.0]));
+}
+
+#[test]
+fn a_table_without_rows_is_not_believed_its_width() {
+    let scratch = Scratch::new("wide");
+    let path = scratch.0.join("wide.hdf5");
+    let mut file = hdf5_pure::FileBuilder::new();
+    for name in ["observations", "actions"] {
+        file.create_dataset(name).with_f32_data(&[]).with_shape(&[0, 1 << 50]);
+    }
+    file.create_dataset("timeouts").with_u8_data(&[]).with_shape(&[0]);
+    file.write(&path).unwrap();
+    assert_says(&read(&path).unwrap_err(), &["[0, 1125899906842624]", "can hold"]);
 }
 
 /// Each file that a fixture consists of, cut short and with bytes turned over: an error or harmless, never a panic.

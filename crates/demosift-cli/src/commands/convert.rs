@@ -19,7 +19,7 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
         Target::Lerobot => {
             let steps_per_sec = steps_per_sec(arguments.fps, arguments.task.as_deref())?;
             let states = demonstration::read_states(&path, Some(source.format))?;
-            let task = arguments.task.clone().unwrap_or_else(|| name_of(out));
+            let task = arguments.task.as_deref().map_or_else(|| name_of(out), task_name);
             lerobot::write(out, &source.episodes, states.as_deref(), steps_per_sec, &task)?;
         }
         Target::Minari => minari::write(out, &source.episodes, &minari_id(out))?,
@@ -43,6 +43,13 @@ pub(super) fn steps_per_sec(given: Option<u32>, task: Option<&str>) -> Result<u3
             .with_hint("add --task NAME, or --fps N")
     })?;
     Ok(task::choose(task)?.task.specification().steps_per_sec())
+}
+
+/// What others call the task: a user's own goes by the name in its file, not by the path on this machine.
+pub(super) fn task_name(task: &str) -> String {
+    // With a rate given, a task may be one that demosift does not know.
+    task::choose(task)
+        .map_or_else(|_| name_of(Path::new(task)), |chosen| chosen.task.specification().name.clone())
 }
 
 /// The id of a Minari data set that is named after its folder.

@@ -40,7 +40,8 @@ pub(crate) fn run(arguments: &ExportArguments) -> Result<()> {
             let states = demonstration::read_states(&kept.demonstrations.path, kept.data.format)?;
             let (episodes, states) =
                 convert::chosen(&kept.demonstrations.source, states.as_deref(), &kept.ids);
-            lerobot::write(&out, &episodes, states.as_deref(), steps_per_sec, &kept.identity.task)?;
+            let task = convert::task_name(&kept.identity.task);
+            lerobot::write(&out, &episodes, states.as_deref(), steps_per_sec, &task)?;
             written(&kept, &out)
         }
         Form::Minari => {
@@ -206,6 +207,10 @@ fn as_csv(kept: &Kept) -> Result<String> {
 /// Prints words, or writes them where they are wanted.
 fn say(text: &str, arguments: &ExportArguments) -> Result<()> {
     match &arguments.out {
+        Some(out) if out.exists() => {
+            Err(Error::bad_input("there is something of this name already; wanted the name of a new file")
+                .at(out))
+        }
         Some(out) => files::write_atomically(out, text.as_bytes()),
         None => {
             terminal::show(text);

@@ -59,7 +59,7 @@ fn gather(job: &mut Job) -> Result<Found> {
         opinions: &beside.data_only,
         costs: &costs,
     })?;
-    Ok(Found { report, unusable: beside.unusable.map(|why| why.to_string()) })
+    Ok(Found { report, unusable: beside.unusable.map(|why| why.message().to_owned()) })
 }
 
 fn write_found(job: &mut Job, found: &Found) -> Result<PathBuf> {
@@ -67,7 +67,7 @@ fn write_found(job: &mut Job, found: &Found) -> Result<PathBuf> {
     let made = page::Made {
         demosift: env!("CARGO_PKG_VERSION"),
         set: page::name_of_set(job.set_path()),
-        sha256: files::sha256(&[job.set_path().to_owned()])?,
+        sha256: job.data().sha256.clone(),
         configuration: run_folder::resolved(job.folder().path())?,
         unusable: found.unusable.as_deref(),
     };

@@ -2,11 +2,14 @@
 
 use demosift::Result;
 use demosift::experiment::{self, Selection, Sifted};
+use demosift::method::Costs;
+use demosift::subset_selection::Weighing;
 use serde_json::json;
 
 use super::{kept_in, report, select};
 use crate::arguments::JobArguments;
 use crate::job::Job;
+use crate::own_heuristic::Beside;
 use crate::tables::by_variant;
 use crate::tables::judgment::{self, Judgment};
 use crate::tables::{costs, weights};
@@ -16,11 +19,11 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = Job::open(arguments)?;
     let sifted = job.run(experiment::sift)?;
     let (weighing, costs) = (select::weighing(&mut job)?, job.costs()?);
-    let Sifted { scores, selection, from_subset, from_all, gain, .. } = &sifted;
+    let Sifted { selection, from_subset, from_all, gain, .. } = &sifted;
     let Selection { ranking, uncertainty, subset } = selection;
     let beside = job.beside(sifted.data_only.clone());
-    let page = report::write(&mut job)?;
     if arguments.run.json {
+        let page = report::write(&mut job)?;
         terminal::show_json(&json!({
             "ranking": ranking.entries,
             "uncertainty": uncertainty,
@@ -38,15 +41,24 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
         }));
         return Ok(());
     }
-    let judgment = Judgment { set: job.set(), ranking, uncertainty, unit: job.unit() };
-    terminal::show(&judgment::ranking(&judgment, Some((subset, job.keep()))));
-    terminal::show(&by_variant::gains(scores, job.variants(), job.unit()));
-    terminal::show(&weighing.map_or(String::new(), |weighing| format!("\n{}", weights::trends(&weighing))));
-    terminal::show(&judgment::beside(ranking, &beside));
-    terminal::show("\n");
-    terminal::show(&tables::comparison(job.set(), from_subset, from_all, job.unit()));
-    terminal::show(&costs::played(&costs));
+    show(&job, &sifted, weighing.as_ref(), &beside, &costs);
+    // After the tables, which took hours and are worth having even if the page cannot be written.
+    let page = report::write(&mut job)?;
     terminal::show(&format!("\nReport: {}", page.display()));
     terminal::show(&kept_in(job.folder()));
     Ok(())
+}
+
+/// The tables of the whole job.
+fn show(job: &Job, sifted: &Sifted, weighing: Option<&Weighing>, beside: &Beside, costs: &Costs) {
+    let Sifted { scores, selection, from_subset, from_all, .. } = sifted;
+    let Selection { ranking, uncertainty, subset } = selection;
+    let judgment = Judgment { set: job.set(), ranking, uncertainty, unit: job.unit() };
+    terminal::show(&judgment::ranking(&judgment, Some((subset, job.keep()))));
+    terminal::show(&by_variant::gains(scores, job.variants(), job.unit()));
+    terminal::show(&weighing.map_or(String::new(), |weighing| format!("\n{}", weights::trends(weighing))));
+    terminal::show(&judgment::beside(ranking, beside));
+    terminal::show("\n");
+    terminal::show(&tables::comparison(job.set(), from_subset, from_all, job.unit()));
+    terminal::show(&costs::played(costs));
 }

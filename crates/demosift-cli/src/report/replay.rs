@@ -4,7 +4,6 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use demosift::adapt::MetaPrior;
 use demosift::artifact::Artifact;
-use demosift::demonstration;
 use demosift::environment::Task as _;
 use demosift::heuristic::Score;
 use demosift::report::{self, Part, Shown};
@@ -68,34 +67,34 @@ pub(crate) fn of(job: &mut Job) -> Result<Replay> {
     let Some(task) = job.chosen().mujoco.clone() else {
         return Ok(Replay::none("This task has no MuJoCo model, so there is nothing to draw."));
     };
-    // A replay that cannot be had is no reason to go without the report.
-    let none = |error: &Error| Ok(Replay::none(&format!("There is no replay: {error}")));
-    let shown = match agent(job) {
-        Err(error) if error.is_bad_input() => return none(&error),
-        shown => shown?,
-    };
-    let recorded = demonstration::read_states(job.set_path(), None);
-    let played = recorded.and_then(|recorded| demonstrations(&task, job, recorded.unwrap_or_default()));
+    match played(&task, job) {
+        // A replay that cannot be had is no reason to go without the report.
+        Err(error) if !error.is_io() => Ok(Replay::none(&format!("There is no replay: {}", error.message()))),
+        replay => replay,
+    }
+}
+
+fn played(task: &MujocoTask, job: &mut Job) -> Result<Replay> {
+    let shown = agent(job)?;
+    let recorded = job.states();
+    let played = recorded.and_then(|recorded| demonstrations(task, job, recorded.unwrap_or_default()));
     let (mut cast, missing) = match played {
         Ok(cast) if cast.is_empty() => (
             cast,
             Some("The set holds no states of the simulator, so demonstrations are not shown.".to_owned()),
         ),
         Ok(cast) => (cast, None),
-        Err(error) if error.is_bad_input() => {
-            (Vec::new(), Some(format!("Demonstrations are not shown: {error}")))
+        Err(error) if !error.is_io() => {
+            (Vec::new(), Some(format!("Demonstrations are not shown: {}", error.message())))
         }
         Err(error) => return Err(error),
     };
     cast.extend(shown.into_iter().map(of_agent));
-    let scene = scene::scene(&task)?;
+    let scene = scene::scene(task)?;
     let steps = cast.iter().map(|cast| cast.steps).sum();
     let stride = scene::stride(&scene, steps, MOST_BYTES);
-    match cast.iter().map(|cast| episode(&task, cast, stride)).collect::<Result<Vec<_>>>() {
-        Ok(episodes) => Ok(Replay { scene: Some(scene), episodes, missing }),
-        Err(error) if error.is_bad_input() => none(&error),
-        Err(error) => Err(error),
-    }
+    let episodes = cast.iter().map(|cast| episode(task, cast, stride)).collect::<Result<_>>()?;
+    Ok(Replay { scene: Some(scene), episodes, missing })
 }
 
 /// The demonstrations whose states are known, with what they scored themselves.

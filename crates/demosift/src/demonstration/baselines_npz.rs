@@ -66,11 +66,27 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
 
 /// One table an episode.
 fn split(name: &str, array: Array<f32>) -> Result<Vec<Rows>> {
-    let &[_, steps @ 1..=usize::MAX, width @ 1..=usize::MAX] = array.shape.as_slice() else {
+    // With no extent of 0 the product cannot overflow: there are as many elements.
+    let &[1..=usize::MAX, steps @ 1..=usize::MAX, width @ 1..=usize::MAX] = array.shape.as_slice() else {
         return Err(Error::bad_input(format!(
-            "'{name}' has shape {:?}; wanted [episodes, steps, numbers a step]",
+            "'{name}' has shape {:?}; wanted [episodes, steps, numbers a step], at least one of each",
             array.shape
         )));
     };
     array.values.chunks_exact(steps * width).map(|flat| Rows::from_flat(flat.to_vec(), width)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+    use super::*;
+
+    #[test]
+    fn an_extent_of_nothing_is_refused_whatever_the_others_claim() {
+        for shape in [[0, 1 << 32, 1 << 32], [1, 0, 2], [1, 2, 0]] {
+            let error = split("obs", Array { values: Vec::new(), shape: shape.to_vec() }).unwrap_err();
+            assert!(error.is_bad_input() && error.to_string().contains("at least one of each"), "{error}");
+        }
+    }
 }

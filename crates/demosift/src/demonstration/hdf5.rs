@@ -94,6 +94,10 @@ pub(super) fn check_table(dataset: &Dataset, name: &str, file_len: u64) -> Resul
         )));
     }
     check_size(dataset, name, &shape, file_len)?;
+    // A table without rows stores nothing, so its width is a claim that nothing else bounds.
+    if steps == 0 && width > file_len {
+        return Err(claims_too_much(name, &shape, file_len));
+    }
     match (usize::try_from(steps), usize::try_from(width)) {
         (Ok(steps), Ok(width)) => Ok((steps, width)),
         _ => Err(Error::bad_input(format!("'{name}' of shape {shape:?} is too large for this machine"))),
@@ -141,11 +145,15 @@ pub(super) fn check_size(dataset: &Dataset, name: &str, shape: &[u64], file_len:
         (Some(bytes), Some(chunk)) if bytes <= most && (chunk <= most || filtered && chunk <= 1 << 26) => {
             Ok(())
         }
-        _ => Err(Error::bad_input(format!(
-            "'{name}' claims shape {shape:?}, more than a file of {file_len} bytes can hold"
-        ))
-        .with_hint("the file is damaged or was not copied completely")),
+        _ => Err(claims_too_much(name, shape, file_len)),
     }
+}
+
+fn claims_too_much(name: &str, shape: &[u64], file_len: u64) -> Error {
+    Error::bad_input(format!(
+        "'{name}' claims shape {shape:?}, more than a file of {file_len} bytes can hold"
+    ))
+    .with_hint("the file is damaged or was not copied completely")
 }
 
 /// The dataset of this name, directly in the group, if it is there.

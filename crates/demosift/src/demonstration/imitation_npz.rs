@@ -71,9 +71,9 @@ fn starts(indices: &[i64], actions: usize) -> Result<Vec<usize>> {
 fn table(file: &mut Npz, names: &[String]) -> Result<Rows> {
     let parts = names.iter().map(|name| {
         let array = file.floats(name)?;
-        let &[_, width @ 1..=usize::MAX] = array.shape.as_slice() else {
+        let &[1..=usize::MAX, width @ 1..=usize::MAX] = array.shape.as_slice() else {
             return Err(Error::bad_input(format!(
-                "'{name}' has shape {:?}; wanted [steps, numbers a step]",
+                "'{name}' has shape {:?}; wanted [steps, numbers a step], at least one of each",
                 array.shape
             )));
         };

@@ -16,6 +16,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use hdf5_pure::Group;
+use serde::Deserialize;
 
 use crate::demonstration::hdf5::{self, damaged, find, find_group};
 use crate::demonstration::parquet_table::{self, Table};
@@ -31,6 +32,13 @@ pub use writing::write;
 
 /// What a data set says of itself.
 const METADATA: &str = "metadata.json";
+
+/// What is needed of [`METADATA`].
+#[derive(Deserialize)]
+struct Counts {
+    total_episodes: Option<usize>,
+    total_steps: Option<usize>,
+}
 
 /// Nesting of spaces that is followed; nobody nests deeper.
 const DEEPEST: usize = 8;
@@ -62,7 +70,8 @@ pub(super) fn read_hdf5(path: &Path, columns: &Columns) -> Result<Source> {
             .and_then(|observations| Episode::with_last(label, &observations, actions?))
             .map_err(|error| error.during(name))
     });
-    let episodes = episodes.collect::<Result<_>>()?;
+    let episodes = episodes.collect::<Result<Vec<_>>>()?;
+    check_counts(&path.with_file_name(METADATA), &episodes)?;
     Ok(Source { format: Format::MinariHdf5, columns, episodes, dropped_steps: 0 })
 }
 
@@ -120,7 +129,9 @@ pub(super) fn read_parquet(path: &Path, columns: &Columns) -> Result<Source> {
             observations.push(read(&resolved.observations)?);
             actions.push(read(&resolved.actions)?);
         }
-        let (Some(observations), Some(padded)) = (stacked(observations), stacked(actions)) else {
+        let both =
+            stacked(observations, "observations").and_then(|all| Ok((all, stacked(actions, "actions")?)));
+        let (Some(observations), Some(padded)) = both.map_err(|error| error.at(folder))? else {
             return Err(Error::bad_input("there is no parquet file in this folder of an episode").at(folder));
         };
         let actions = padded.head(padded.len().saturating_sub(1));
@@ -129,17 +140,56 @@ pub(super) fn read_parquet(path: &Path, columns: &Columns) -> Result<Source> {
                 .map_err(|error| error.at(folder))?,
         );
     }
+    check_counts(&path.join(METADATA), &episodes)?;
     Ok(Source { format: Format::MinariParquet, columns: resolved, episodes, dropped_steps: 0 })
 }
 
-/// Tables one below the other; those of one episode that was written in parts.
-fn stacked(tables: Vec<Rows>) -> Option<Rows> {
-    tables.into_iter().reduce(|mut all, next| {
-        if all.width() == next.width() {
-            all.append(&next);
+/// Refuses a data set that holds more or less than the file beside it says, if there is one.
+fn check_counts(metadata: &Path, episodes: &[Episode]) -> Result<()> {
+    let bytes = match fs::read(metadata) {
+        Ok(bytes) => bytes,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Err(error) => {
+            return Err(Error::io("cannot read the description of the data set", metadata, &error));
         }
-        all
-    })
+    };
+    let counts: Counts = serde_json::from_slice(&bytes).map_err(|error| {
+        Error::bad_input(format!("this does not describe a Minari data set: {error}")).at(metadata)
+    })?;
+    let steps = episodes.iter().map(|episode| episode.actions.len()).sum();
+    for (what, claimed, found) in
+        [("episodes", counts.total_episodes, episodes.len()), ("steps", counts.total_steps, steps)]
+    {
+        if let Some(claimed) = claimed
+            && claimed != found
+        {
+            return Err(Error::bad_input(format!(
+                "{METADATA} says {claimed} {what}, and the data set holds {found}"
+            ))
+            .with_hint("was the whole folder copied?"));
+        }
+    }
+    Ok(())
+}
+
+/// Tables one below the other; those of one episode that was written in parts.
+///
+/// # Errors
+/// `is_bad_input` if they differ in width.
+fn stacked(tables: Vec<Rows>, what: &str) -> Result<Option<Rows>> {
+    let mut tables = tables.into_iter();
+    let Some(mut all) = tables.next() else { return Ok(None) };
+    for next in tables {
+        if next.width() != all.width() {
+            return Err(Error::bad_input(format!(
+                "the {what} of an episode have {} numbers a step in one of its files and {} in another; wanted as many in each",
+                all.width(),
+                next.width()
+            )));
+        }
+        all.append(&next);
+    }
+    Ok(Some(all))
 }
 
 /// All parquet files, episode by episode.

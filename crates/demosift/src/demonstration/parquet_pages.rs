@@ -35,7 +35,8 @@ pub(super) fn claims(chunk: &[u8]) -> Option<Claims> {
             if let Some(Field::Struct(page)) = find(&header, id) {
                 let values = find(page, 1)?.number()?;
                 claims.most_values = claims.most_values.max(values);
-                claims.values += if id == DICTIONARY_PAGE { 0 } else { values };
+                // Claims of many pages may add up to more than there are numbers for.
+                claims.values = claims.values.saturating_add(if id == DICTIONARY_PAGE { 0 } else { values });
             }
         }
         rest.take(usize::try_from(bytes).ok()?)?;
@@ -164,5 +165,16 @@ mod tests {
         let mut page = [&HEADER[..], &[1, 2, 3]].concat();
         page.splice(3..4, [0xfe, 0xff, 0xff, 0xff, 0x0f]);
         assert_eq!(claims(&page), None);
+    }
+
+    #[test]
+    fn claims_that_overflow_together_stay_too_large() {
+        let mut page = HEADER.to_vec();
+        // The most that a signed number of 64 bits can be, in place of 10 values.
+        page.splice(8..9, [0xfe, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x01]);
+        page.extend([1, 2, 3]);
+        let most = i64::MAX.unsigned_abs();
+        assert_eq!(claims(&page), Some(Claims { values: most, most_values: most }));
+        assert_eq!(claims(&page.repeat(3)), Some(Claims { values: u64::MAX, most_values: most }));
     }
 }

@@ -14,7 +14,7 @@ use parquet::file::reader::{ChunkReader as _, FileReader as _, SerializedFileRea
 use parquet::schema::types::ColumnDescriptor;
 
 use crate::demonstration::parquet_pages;
-use crate::demonstration::source::side_by_side;
+use crate::demonstration::source::{side_by_side, trailing_number};
 use crate::error::{Error, Result};
 use crate::rows::Rows;
 
@@ -38,7 +38,7 @@ struct Column<T> {
     width: usize,
 }
 
-/// All parquet files below a folder, by their paths.
+/// All parquet files below a folder, by the numbers at the end of their names, then by their names.
 ///
 /// # Errors
 /// `is_io` if a folder cannot be listed.
@@ -49,7 +49,10 @@ pub(super) fn files_below(folder: &Path) -> Result<Vec<PathBuf>> {
             entries.map(|entry| entry.map(|entry| entry.path())).collect::<std::io::Result<Vec<_>>>()
         })
         .map_err(failed)?;
-    entries.sort();
+    // Parts of one table may be numbered without leading zeros: part-10 comes after part-2.
+    entries.sort_by_cached_key(|path| {
+        (path.file_stem().and_then(|stem| trailing_number(&stem.to_string_lossy())), path.clone())
+    });
     let mut files = Vec::new();
     for path in entries {
         // A link could lead in a circle.
@@ -107,7 +110,7 @@ impl Table {
         let mut all = Vec::new();
         for name in names {
             let mut below: Vec<String> = self.find(name).iter().map(|column| shown(column)).collect();
-            below.sort();
+            below.sort_by_cached_key(|path| path.split('/').map(in_order).collect::<Vec<_>>());
             if below.is_empty() { all.push(name.clone()) } else { all.append(&mut below) }
         }
         all
@@ -282,6 +285,11 @@ fn read_rows<T: DataType>(
         read += records;
     }
     Ok(())
+}
+
+/// Parts of a tuple go by their numbers, and those of a dictionary by their names.
+fn in_order(part: &str) -> (Option<u64>, String) {
+    (part.strip_prefix("_index_").and_then(trailing_number), part.to_owned())
 }
 
 fn differing(name: &str) -> Error {

@@ -91,20 +91,39 @@ fn read_episode(group: &Group, label: &str, columns: &Columns, file_len: u64) ->
     }
     Ok(Episode {
         label: label.to_owned(),
-        last_observation: last_observation(group, &columns.observations, file_len)?,
+        last_observation: last_observation(group, &columns.observations, observations.len(), file_len)?,
         observations,
         actions,
     })
 }
 
 /// The last row of `next_obs`, if all columns have one there.
-fn last_observation(group: &Group, names: &[String], file_len: u64) -> Result<Option<Vec<f32>>> {
+///
+/// # Errors
+/// `is_bad_input` if one is of another shape than its observations.
+fn last_observation(
+    group: &Group,
+    names: &[String],
+    steps: usize,
+    file_len: u64,
+) -> Result<Option<Vec<f32>>> {
     let mut row = Vec::new();
     for name in names {
         let Some(key) = name.strip_prefix(OBSERVATIONS) else { return Ok(None) };
         let next = format!("{NEXT_OBSERVATIONS}{key}");
         let Some(dataset) = find_below(group, &next)? else { return Ok(None) };
         let table = hdf5::read_table(&dataset, &next, file_len)?;
+        let width = match find_below(group, name)? {
+            Some(observed) => hdf5::check_table(&observed, name, file_len)?.1,
+            None => return Ok(None),
+        };
+        if (table.len(), table.width()) != (steps, width) {
+            return Err(Error::bad_input(format!(
+                "'{next}' has shape [{}, {}], and '{name}' [{steps}, {width}]; wanted the same of both",
+                table.len(),
+                table.width()
+            )));
+        }
         if table.is_empty() {
             return Ok(None);
         }

@@ -55,6 +55,10 @@ fn complete(episode: &Episode) -> Result<(Rows, Rows)> {
     let steps = episode.actions.len();
     let mut observations = episode.observations.clone();
     match &episode.last_observation {
+        Some(last) if last.iter().any(|value| !value.is_finite()) => Err(Error::bad_input(format!(
+            "the final observation of episode {} is {last:?}; wanted finite numbers",
+            episode.label
+        ))),
         Some(last) => {
             observations.push(last);
             Ok((observations, episode.actions.clone()))
