@@ -49,9 +49,8 @@ def run(demosift, out, command, *options):
     said = out.parent / f"{out.name}.{command}.json"
     if not said.exists():
         began = time.monotonic()
-        fresh = [] if (out / "run.json").exists() else options
         resume = ["--resume"] if (out / "run.json").exists() else []
-        line = [demosift, command, *fresh, *resume, "--out", str(out), "--json"]
+        line = [demosift, command, *options, *resume, "--out", str(out), "--json"]
         result = subprocess.run(line, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
         found = json.loads(result.stdout)
         found["seconds"] = time.monotonic() - began
