@@ -108,8 +108,8 @@ pub fn step(experiences: &[Experience<'_>], region: &TrustRegion, alpha: f64) ->
 ///
 /// The gradient is pulled back through each branch's adaptation, and objective and KL divergence are those of the
 /// policies that a displacement leads to, to first order in the displacement.
-/// The Fisher matrix under which the direction is chosen is that of the adapted policies as if all moved alike: any
-/// positive definite one gives an ascent direction, and this one costs a tenth of the one pulled back.
+/// So is the Fisher matrix, Σᵢ JᵢᵀFᵢJᵢ with Jᵢ = dθ'ᵢ/dθ: an adaptation can make a displacement ten times as long, and a
+/// direction that is short by another measure spends the trust region on what improves little.
 pub fn step_through(branches: Vec<Branch<'_>>, region: &TrustRegion, alpha: f64) -> Result<Step> {
     let (mut limbs, mut adaptations) = (Vec::new(), Vec::new());
     for Branch { experiences, adaptation } in &branches {
@@ -124,24 +124,21 @@ pub fn step_through(branches: Vec<Branch<'_>>, region: &TrustRegion, alpha: f64)
     if gradient.iter().all(|value| *value == 0.0) {
         return Ok(Step::none(gradient.len(), StepEnd::NoGradient));
     }
+    let carried = |direction: &[f32]| {
+        adapted(&adaptations, vec![direction.to_vec(); adaptations.len()], Adaptation::carried_along)
+    };
     let fisher = |direction: &[f32], product: &mut [f32]| {
-        let products =
-            each(&mut limbs, |_, batches| total(batches, |batch| batch.fisher_vector_product(direction)));
-        product.copy_from_slice(&sum(products));
+        let moved = carried(direction);
+        let products = each(&mut limbs, |index, batches| {
+            total(batches, |batch| batch.fisher_vector_product(&moved[index]))
+        });
+        product.copy_from_slice(&sum(adapted(&adaptations, products, Adaptation::pulled_back)));
         for (product, direction) in product.iter_mut().zip(direction) {
             *product += region.damping as f32 * direction;
         }
     };
-    let (direction, mut curvature) = natural_direction(fisher, &gradient, region);
-    let directions =
-        adapted(&adaptations, vec![direction.clone(); adaptations.len()], Adaptation::carried_along);
-    if adaptations.iter().any(Option::is_some) {
-        let curvatures = each(&mut limbs, |index, batches| {
-            let direction = &directions[index];
-            dot(direction, &total(batches, |batch| batch.fisher_vector_product(direction)))
-        });
-        curvature = curvatures.iter().sum::<f64>() + region.damping * dot(&direction, &direction);
-    }
+    let (direction, curvature) = natural_direction(fisher, &gradient, region);
+    let directions = carried(&direction);
     if curvature.is_nan() || curvature <= 0.0 {
         return Ok(Step::none(gradient.len(), StepEnd::SearchFailed));
     }
