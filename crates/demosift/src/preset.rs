@@ -63,7 +63,7 @@ impl Preset {
                     steps: self.by(20, 20, 20),
                     batch: 32,
                 },
-                trust_region: TrustRegion { max_kl: 0.15, ..TrustRegion::default() },
+                trust_region: TrustRegion { max_kl: 0.04, ..TrustRegion::default() },
             },
             judge: Judging {
                 iterations: self.by(20, 30, 10),

@@ -5,7 +5,7 @@
 //! | 10: sample K trajectories τ'_ij using f_θ'_i | [`play_quietly`] |
 //! | 11: update Q with τ, τ'_ij and encoded v_i | [`mutual_information::fit`] in [`regularize`] |
 //! | 12: sample new trajectories using f_θ and f_θ'_i | [`play_quietly`] |
-//! | 13: compute R_MI_i with Q on the new trajectories as (5) | [`mutual_information::information_rewards`] in [`inform`] |
+//! | 13: compute R_MI_i with Q on the new trajectories as (5) | [`mutual_information::information_rewards`] in [`tell`] |
 //! | 14: θ''_i = θ'_i − α∇L_MI_i(f_θ'_i) with TRPO | [`inform`] |
 //!
 //! The box writes ∇L_MI_i(f_θ'_i): the gradient at θ'_i on its own trajectories, which is what we take.
@@ -13,6 +13,8 @@
 //! `docs/paper.md` says why that works against itself.
 //! The box has Q compare with the trajectories of line 7; ours are played with less noise, so that line 10 plays f_θ too.
 //! The gradient of line 14 is that of the policy with less noise, and the step of its mean is added to θ'_i.
+//! The box always takes the step of line 14; where Q explains nothing of the encodings on held-out pairs, its reward is noise
+//! and so is the direction of the step, which is then not taken.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -29,7 +31,7 @@ use crate::nn::adam::Adam;
 use crate::policy::Policy;
 use crate::rollout::{self, Acting};
 use crate::seed::Seed;
-use crate::trpo::{self, TrustRegion};
+use crate::trpo::{self, Step, TrustRegion};
 
 /// How adapted policies are regularized by mutual information, where the method asks for it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -47,8 +49,7 @@ pub struct MutualInformation {
     pub noise: f64,
     /// Q's shape and fit.
     pub posterior: PosteriorFitting,
-    /// The trust region of line 14 for α = 1 (A.2.1: KL 0.15), at the policy with less noise, where the gradient is estimated;
-    /// the KL divergence of θ''_i from θ'_i is `noise`² of it.
+    /// The trust region of line 14 for α = 1: how far θ''_i, as it plays, may be from θ'_i (A.2.1: KL 0.15).
     pub trust_region: TrustRegion,
 }
 
@@ -86,7 +87,7 @@ pub(super) struct Report {
     pub(super) explained: f64,
     /// σ of Q, from the pairs that it was fitted to.
     pub(super) std: f64,
-    /// Mean KL divergence that the steps reached, of the policies with less noise.
+    /// Mean KL divergence of θ''_i from θ'_i that the steps reached; 0 where Q explains nothing, since none is taken then.
     pub(super) kl: f64,
     /// Environment steps that were played for this.
     pub(super) environment_steps: usize,
@@ -118,23 +119,28 @@ pub(super) fn regularize(
     *posterior = mutual_information::fit(posterior, &changes, &how.posterior, adam, seed)?;
 
     let held_out = play_quietly(round, imitators, how, "inform_held_out")?;
-    let moved: Vec<Informed> = imitators
+    let told: Vec<Told> = imitators
         .par_iter()
-        .zip(&held_out.after)
         .zip(held_out.read(round, how))
-        .map(|((imitator, after), read)| {
-            let paid = match how.paid {
-                Paid::Before => held_out.before_under(imitator.variant),
-                Paid::After => after,
-            };
-            inform(round, paid, &read, (posterior, encoding(imitator)), how)
-        })
-        .collect::<Result<_>>()?;
-    for (imitator, moved) in imitators.iter_mut().zip(&moved) {
-        imitator.adapted.policy = imitator.adapted.policy.moved(&moved.displacement);
-    }
+        .map(|(imitator, (before, after))| tell(posterior, &before, &after, encoding(imitator)))
+        .collect();
     let drawn: Vec<f32> = imitators.iter().map(encoding).collect();
-    Ok(Report::new(&moved, &drawn, posterior.std(), train.steps() + held_out.steps()))
+    let explained = explained(&told, &drawn);
+    let mut kl = 0.0;
+    if explained > 0.0 {
+        let paid = held_out.paid(imitators, how.paid);
+        let steps: Vec<Step> = paid
+            .par_iter()
+            .zip(&told)
+            .map(|(paid, told)| inform(round, paid, &told.rewards, how))
+            .collect::<Result<_>>()?;
+        for (imitator, step) in imitators.iter_mut().zip(&steps) {
+            imitator.adapted.policy = imitator.adapted.policy.moved(&step.displacement);
+        }
+        kl = steps.iter().map(|step| step.kl).sum::<f64>() / steps.len() as f64;
+    }
+    let environment_steps = train.steps() + held_out.steps();
+    Ok(Report { log_q: mean_log_q(&told), explained, std: posterior.std(), kl, environment_steps })
 }
 
 /// A policy with less noise, and what it did.
@@ -176,6 +182,15 @@ impl Compared {
         &found.expect("played for every variant of the round").1
     }
 
+    /// Whose trajectories are paid, for each imitator.
+    fn paid<'a>(&'a self, imitators: &[Imitator], paid: Paid) -> Vec<&'a Quiet> {
+        let of = |(imitator, after): (&Imitator, _)| match paid {
+            Paid::Before => self.before_under(imitator.variant),
+            Paid::After => after,
+        };
+        imitators.iter().zip(&self.after).map(of).collect()
+    }
+
     /// What Q reads for each imitator: the trajectories that are paid, and the mean of the other side, from which the noise
     /// of single trajectories is gone.
     fn read(&self, round: &Round<'_>, how: &MutualInformation) -> Vec<(Sequences, Sequences)> {
@@ -196,53 +211,52 @@ impl Compared {
     }
 }
 
-/// What line 14 did to one adapted policy.
-struct Informed {
-    displacement: Vec<f32>,
-    kl: f64,
-    log_q: f64,
+/// What Q says of the held-out pairs of one demonstration.
+struct Told {
+    /// R_MI of each trajectory that is paid.
+    rewards: Vec<f64>,
     squared_error: f64,
 }
 
-/// Lines 13 and 14 for one demonstration: −α∇L_MI with TRPO, on the trajectories that are paid.
+/// Line 13 for one demonstration.
+fn tell(posterior: &Posterior, before: &Sequences, after: &Sequences, encoding: f32) -> Told {
+    Told {
+        rewards: information_rewards(posterior, before, after, encoding),
+        squared_error: mutual_information::mean_squared_error(posterior, before, after, encoding),
+    }
+}
+
+/// Line 14 for one demonstration: −α∇L_MI with TRPO, on the trajectories that are paid.
 fn inform(
     round: &Round<'_>,
     Quiet { policy, played }: &Quiet,
-    (before, after): &(Sequences, Sequences),
-    (posterior, encoding): (&Posterior, f32),
+    rewards: &[f64],
     how: &MutualInformation,
-) -> Result<Informed> {
-    let rewards = information_rewards(posterior, before, after, encoding);
-    let advantages = advantages(&rewards, &played.lengths, how.credit);
-    let mut step =
-        trpo::step(&played.experiences(policy, &advantages, 1.0), &how.trust_region, round.inner.alpha(0))?;
+) -> Result<Step> {
+    let advantages = advantages(rewards, &played.lengths, how.credit);
+    // With a share of the noise, the Fisher matrix of the mean and all KL divergences are larger by its square.
+    let share = how.noise.powi(2);
+    let TrustRegion { max_kl, damping, .. } = how.trust_region;
+    let region = TrustRegion { max_kl: max_kl / share, damping: damping / share, ..how.trust_region };
+    let mut step = trpo::step(&played.experiences(policy, &advantages, 1.0), &region, round.inner.alpha(0))?;
+    step.kl *= share;
     // What the little noise should become says nothing of the noise that θ'_i has.
     step.displacement[policy.network_parameters().len()..].fill(0.0);
-    Ok(Informed {
-        displacement: step.displacement,
-        kl: step.kl,
-        log_q: rewards.iter().sum::<f64>() / rewards.len() as f64,
-        squared_error: mutual_information::mean_squared_error(posterior, before, after, encoding),
-    })
+    Ok(step)
 }
 
-impl Report {
-    fn new(informed: &[Informed], encodings: &[f32], std: f64, environment_steps: usize) -> Self {
-        let count = informed.len() as f64;
-        let mean = |value: &dyn Fn(&Informed) -> f64| informed.iter().map(value).sum::<f64>() / count;
-        let center = encodings.iter().map(|c| f64::from(*c)).sum::<f64>() / count;
-        let variance = encodings.iter().map(|c| (f64::from(*c) - center).powi(2)).sum::<f64>() / count;
-        Self {
-            log_q: mean(&|informed| informed.log_q),
-            explained: match variance > 0.0 {
-                true => 1.0 - mean(&|informed| informed.squared_error) / variance,
-                false => 0.0,
-            },
-            std,
-            kl: mean(&|informed| informed.kl),
-            environment_steps,
-        }
-    }
+/// Share of the variance of the encodings that Q explains on held-out pairs; 0 where all are the same.
+fn explained(told: &[Told], encodings: &[f32]) -> f64 {
+    let count = told.len() as f64;
+    let center = encodings.iter().map(|c| f64::from(*c)).sum::<f64>() / count;
+    let variance = encodings.iter().map(|c| (f64::from(*c) - center).powi(2)).sum::<f64>() / count;
+    let squared_error = told.iter().map(|told| told.squared_error).sum::<f64>() / count;
+    if variance > 0.0 { 1.0 - squared_error / variance } else { 0.0 }
+}
+
+fn mean_log_q(told: &[Told]) -> f64 {
+    let mean = |told: &Told| told.rewards.iter().sum::<f64>() / told.rewards.len() as f64;
+    told.iter().map(mean).sum::<f64>() / told.len() as f64
 }
 
 #[cfg(test)]

@@ -35,8 +35,12 @@ struct Scene {
 }
 
 fn scene(how: &MutualInformation, goals: usize) -> Scene {
+    scene_of(how, goals, Seed::new(2))
+}
+
+fn scene_of(how: &MutualInformation, goals: usize, seed: Seed) -> Scene {
     let set = planted_set(&BEARINGS, Seed::new(1)).expect("a valid set");
-    let (task, inner, seed) = (PointMass::with_goals(goals), inner(), Seed::new(2));
+    let (task, inner) = (PointMass::with_goals(goals), inner());
     let playground = &Playground::new(&task);
     let shape = PolicyShape { hidden: vec![6], initial_std: 0.5 };
     let prior = Learner::untrained(&set, &shape, &[8], &Seed::new(1));
@@ -219,4 +223,63 @@ fn algorithm_1_line_14_as_written_raises_log_q_on_fresh_pairs() {
     };
     let (adapted, informed) = (log_q(&scene.adapted), log_q(&scene.informed));
     assert!(informed > adapted, "{adapted} after imitating, {informed} after the step");
+}
+
+/// Q that knows nothing pays noise: θ'_i stays where it is.
+#[test]
+fn algorithm_1_line_14_is_not_taken_where_the_posterior_explains_nothing() {
+    let posterior = PosteriorFitting { steps: 0, ..information().posterior };
+    let how = MutualInformation { posterior, ..information() };
+    let scene = scene(&how, 1);
+    assert!(scene.report.explained <= 0.0, "{:?}", scene.report);
+    assert_eq!(scene.report.kl, 0.0);
+    assert_eq!(scene.informed, scene.adapted);
+    assert!(scene.report.environment_steps > 0, "it was played to find out");
+}
+
+/// Mean trajectories after imitating each demonstration lie farther apart: than without the step, and than after steps as
+/// long that the same rewards, paid to other episodes, ask for. Full noise, in which Q finds the point mass out as well.
+#[test]
+fn section_4_2_line_14_spreads_adapted_behaviors_beyond_what_any_step_as_long_does() {
+    let posterior = PosteriorFitting { steps: 100, learning_rate: 0.01, ..information().posterior };
+    let region = TrustRegion { max_kl: 0.04, ..information().trust_region };
+    let how =
+        MutualInformation { noise: 1.0, batch_steps: 3000, trust_region: region, posterior, ..information() };
+    let task = PointMass::new();
+    let playground = Playground::new(&task);
+    let mut spreads = [0.0; 3];
+    for number in 0..4 {
+        let seed = Seed::new(20 + number);
+        let scene = scene_of(&how, 1, Seed::new(20 + number));
+        let played = |policy: &Policy, name: &str, side: &str| {
+            let seeds = seed.of(name).of(side).at(0).many(how.episodes(30));
+            let played = rollout::play(&playground, policy, Acting::Sampled, EnvVariant(0), seeds);
+            Played::new(&playground, policy, &played.expect("the point mass plays"))
+        };
+        let before = read(&played(&scene.prior.policy, "inform_held_out", "before"), &how).averaged();
+        let by_chance = |(policy, encoding): (&Policy, &f32)| {
+            let after = played(policy, "inform_held_out", "after");
+            let mut rewards =
+                information_rewards(&scene.state.posterior, &before, &read(&after, &how), *encoding);
+            rewards.rotate_right(1);
+            let advantages = advantages(&rewards, &after.lengths, how.credit);
+            let step = trpo::step(&after.experiences(policy, &advantages, 1.0), &how.trust_region, 1.0);
+            policy.moved(&step.expect("finite numbers").displacement)
+        };
+        let chance: Vec<Policy> = scene.adapted.iter().zip(&scene.encodings).map(by_chance).collect();
+        for (spread, policies) in spreads.iter_mut().zip([&scene.adapted, &chance, &scene.informed]) {
+            let means = policies.iter().map(|policy| read(&played(policy, "fresh", "after"), &how).mean());
+            *spread += spread_of(&means.collect::<Vec<_>>()) / 4.0;
+        }
+    }
+    let [without, by_chance, informed] = spreads;
+    assert!(informed > 1.2 * without && informed > 1.1 * by_chance, "{spreads:.3?}");
+}
+
+fn spread_of(means: &[Vec<f64>]) -> f64 {
+    let deviations = (0..means[0].len()).map(|at| {
+        let center = means.iter().map(|mean| mean[at]).sum::<f64>() / means.len() as f64;
+        means.iter().map(|mean| (mean[at] - center).powi(2)).sum::<f64>()
+    });
+    (deviations.sum::<f64>() / (means.len() * means[0].len()) as f64).sqrt()
 }
