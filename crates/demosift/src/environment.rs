@@ -18,6 +18,8 @@ pub struct Specification {
     pub observation_size: usize,
     /// Numbers in an action; each means the whole range of an actuator over [−1, 1].
     pub action_size: usize,
+    /// What −1 and 1 of each action mean to its actuator, `[act]`, in the actuator's own unit.
+    pub control_ranges: Vec<[f64; 2]>,
     /// Names of the measurements, in the order of their columns.
     pub measurements: Vec<String>,
     /// Names of the variants; at least one.

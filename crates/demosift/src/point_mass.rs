@@ -46,6 +46,7 @@ impl PointMass {
                 name: "point_mass".to_owned(),
                 observation_size: 4,
                 action_size: 2,
+                control_ranges: vec![[-1.0, 1.0].map(|bound| bound * f64::from(FORCE_M_PER_S2)); 2],
                 measurements: ["x", "y", "goal_distance"].iter().map(name).collect(),
                 variants: goals[..count].iter().map(name).collect(),
                 horizon: HORIZON,
