@@ -2,8 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a failed unwrap is a failed test")]
 
-use std::path::{Path, PathBuf};
-use std::process::Command;
+mod onnxruntime;
 
 use demosift::artifact::onnx;
 use demosift::environment::{Specification, Task as _};
@@ -15,16 +14,6 @@ use rand_distr::{Distribution as _, StandardNormal};
 
 const ROWS: usize = 600;
 
-/// The folder into which `cargo xtask test` puts onnxruntime; `None`, and why is said, if it did not.
-fn packages() -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../.python");
-    let is_there = folder.join("onnxruntime").is_dir();
-    if !is_there {
-        eprintln!("skipped: there is no onnxruntime in {}; `cargo xtask test` fetches it", folder.display());
-    }
-    is_there.then_some(folder)
-}
-
 fn task(observation_size: usize, control_ranges: Vec<[f64; 2]>) -> Specification {
     let (action_size, point_mass) = (control_ranges.len(), PointMass::new());
     Specification { observation_size, action_size, control_ranges, ..point_mass.specification().clone() }
@@ -34,8 +23,9 @@ fn normal(rng: &mut Rng) -> f32 {
     StandardNormal.sample(rng)
 }
 
-/// A policy whose filter shifts and scales by much, and whose actions go beyond what is allowed.
-fn policy(task: &Specification, hidden: &[usize], seed: Seed) -> Policy {
+/// A policy whose filter shifts and scales by much, and whose actions go beyond what is allowed; `spread` is how far its
+/// parameters are from untrained ones.
+fn policy(task: &Specification, hidden: &[usize], spread: f32, seed: Seed) -> Policy {
     let mut rng = seed.of("filter").into_rng();
     let mean = (0..task.observation_size).map(|_| 5.0 * normal(&mut rng)).collect();
     // Every third column is constant, so that its spread is the floor.
@@ -43,7 +33,7 @@ fn policy(task: &Specification, hidden: &[usize], seed: Seed) -> Policy {
     let filter = ObservationFilter::new(mean, std.collect());
     let shape = PolicyShape { hidden: hidden.to_vec(), initial_std: 0.3 };
     let untrained = Policy::untrained(&shape, filter, task.action_size, seed.of("start"));
-    let by: Vec<f32> = untrained.parameters().iter().map(|_| 0.3 * normal(&mut rng)).collect();
+    let by: Vec<f32> = untrained.parameters().iter().map(|_| spread * normal(&mut rng)).collect();
     untrained.moved(&by)
 }
 
@@ -65,44 +55,18 @@ fn observations(policy: &Policy, seed: Seed) -> Vec<f32> {
     (0..ROWS).flat_map(|number| row(number, &mut rng)).collect()
 }
 
-/// What onnxruntime makes of the observations: actions and controls, row after row.
-fn played(packages: &Path, name: &str, model: &[u8], observations: &[f32]) -> [Vec<f32>; 2] {
-    let folder = std::env::temp_dir().join(format!("demosift-onnx-{}-{name}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let file = |name: &str| folder.join(name);
-    std::fs::write(file("policy.onnx"), model).unwrap();
-    let bytes: Vec<u8> = observations.iter().flat_map(|value| value.to_le_bytes()).collect();
-    std::fs::write(file("observations"), bytes).unwrap();
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/references/play_onnx.py");
-    let output = Command::new("python3")
-        .arg(script)
-        .args(["policy.onnx", "observations", "actions", "controls"].map(file))
-        .env("PYTHONPATH", packages)
-        .env("PYTHONDONTWRITEBYTECODE", "1")
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let read = |name: &str| {
-        let bytes = std::fs::read(file(name)).unwrap();
-        bytes.chunks_exact(4).map(|bytes| f32::from_le_bytes(bytes.try_into().unwrap())).collect()
-    };
-    let outputs = ["actions", "controls"].map(read);
-    std::fs::remove_dir_all(&folder).unwrap();
-    outputs
-}
-
 #[test]
 fn onnxruntime_plays_what_we_play() {
-    let Some(packages) = packages() else { return };
+    let Some(packages) = onnxruntime::packages() else { return };
     let uneven: Vec<[f64; 2]> = (1..=21).map(|n| [-0.1 * f64::from(n), 40.0 + f64::from(n)]).collect();
     let cases = [
-        ("free_throw", task(55, uneven), vec![32, 32]),
-        ("penalty_save", task(91, vec![[-1.0, 1.0]; 8]), vec![64, 64]),
-        ("three_layers", task(4, vec![[-150.0, 150.0]; 2]), vec![7, 9, 5]),
-        ("linear", task(3, vec![[0.0, 1.0]]), vec![]),
+        ("free_throw", task(55, uneven), vec![32, 32], 0.15),
+        ("penalty_save", task(91, vec![[-1.0, 1.0]; 8]), vec![64, 64], 0.15),
+        ("three_layers", task(4, vec![[-150.0, 150.0]; 2]), vec![7, 9, 5], 0.7),
+        ("linear", task(3, vec![[0.0, 1.0]]), vec![], 0.3),
     ];
-    for (name, task, hidden) in cases {
-        let policy = policy(&task, &hidden, Seed::new(1).of(name));
+    for (name, task, hidden, spread) in cases {
+        let policy = policy(&task, &hidden, spread, Seed::new(1).of(name));
         let observations = observations(&policy, Seed::new(2).of(name));
         let [actions, controls] = played(&packages, name, &onnx::write_policy(&policy, &task), &observations);
         let (mut worst, mut clipped, mut player) = (0.0_f32, 0, Player::new(&policy));
@@ -134,6 +98,6 @@ fn onnxruntime_plays_what_we_play() {
 #[test]
 fn the_same_policy_is_the_same_bytes() {
     let task = task(5, vec![[-2.0, 1.0]; 3]);
-    let write = || onnx::write_policy(&policy(&task, &[4], Seed::new(1)), &task);
+    let write = || onnx::write_policy(&policy(&task, &[4], 0.3, Seed::new(1)), &task);
     assert_eq!(write(), write());
 }
