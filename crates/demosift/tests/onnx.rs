@@ -68,7 +68,8 @@ fn onnxruntime_plays_what_we_play() {
     for (name, task, hidden, spread) in cases {
         let policy = policy(&task, &hidden, spread, Seed::new(1).of(name));
         let observations = observations(&policy, Seed::new(2).of(name));
-        let [actions, controls] = played(&packages, name, &onnx::write_policy(&policy, &task), &observations);
+        let [actions, controls] =
+            onnxruntime::played(&packages, name, &onnx::write_policy(&policy, &task), &observations);
         let (mut worst, mut clipped, mut player) = (0.0_f32, 0, Player::new(&policy));
         let mut mean = vec![0.0; task.action_size];
         for (row, (observation, (actions, controls))) in observations
