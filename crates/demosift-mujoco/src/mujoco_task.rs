@@ -166,6 +166,7 @@ fn resolve(file: &TaskFile, model: Model) -> Result<Blueprint> {
     let specification = Specification {
         name: file.name.clone(),
         observation_size: observation.iter().map(Reading::width).sum(),
+        observation_parts: observation::names(&file.observation, &model)?,
         action_size: controls.len(),
         control_ranges,
         measurements: names,

@@ -49,7 +49,13 @@ pub fn write_policy(policy: &Policy, task: &Specification) -> Vec<u8> {
         "The mean action of a policy for the task {}, with the normalization of observations and the clipping of actions inside.",
         task.name
     );
-    let metadata = [("task", task.name.clone()), ("steps_per_sec", task.steps_per_sec().to_string())];
+    let parts: Vec<String> =
+        task.observation_parts.iter().map(|(name, width)| format!("{name}: {width}")).collect();
+    let metadata = [
+        ("task", task.name.clone()),
+        ("observation", parts.join(", ")),
+        ("steps_per_sec", task.steps_per_sec().to_string()),
+    ];
     Message::default()
         .integer(1, IR_VERSION)
         .text(2, "demosift")
