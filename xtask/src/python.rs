@@ -23,9 +23,11 @@ pub(crate) fn set_up(root: &Path) {
             .arg(&scratch)
             .arg(format!("onnxruntime=={VERSION}")),
     );
-    // Of another version, or for another Python; it may not be there.
-    let _ = fs::remove_dir_all(&folder);
-    let installed = fetched && fs::rename(&scratch, &folder).is_ok() && works(&folder);
+    let installed = fetched && {
+        // What is there is of another version, or for another Python.
+        let _ = fs::remove_dir_all(&folder);
+        fs::rename(&scratch, &folder).is_ok() && works(&folder)
+    };
     let _ = fs::remove_dir_all(&scratch);
     if !installed {
         println!(
