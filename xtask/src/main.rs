@@ -3,6 +3,7 @@
 
 mod browser;
 mod mujoco;
+mod python;
 mod rendering;
 mod steps;
 mod taller;
@@ -38,6 +39,7 @@ fn main() -> ExitCode {
         ["setup"] => set_up(&root),
         ["test"] => set_up(&root).and_then(|()| {
             browser::set_up();
+            python::set_up(&root);
             steps::test(&root)
         }),
         ["demo"] => set_up(&root).and_then(|()| steps::demo(&root)),

@@ -298,7 +298,7 @@ pub(crate) struct ExportArguments {
     /// The run folder
     #[arg(value_name = "RUN")]
     pub(crate) run: PathBuf,
-    /// What to make of the kept demonstrations
+    /// What to make of the kept demonstrations, or of the policies
     #[arg(long = "as", value_enum, value_name = "FORM")]
     pub(crate) form: Form,
     /// A new file or folder [default for words: standard output]
@@ -330,6 +330,9 @@ pub(crate) enum Form {
     Json,
     /// The same as a table
     Csv,
+    /// A folder with each policy that the run trained, observation filter and action scaling inside; runs write these
+    /// beside the safetensors by themselves
+    Onnx,
 }
 
 #[derive(Debug, Args)]

@@ -4,6 +4,7 @@ mod arguments;
 mod commands;
 mod configuration;
 mod demonstrations;
+mod event_file;
 mod job;
 mod metrics_file;
 mod own_heuristic;

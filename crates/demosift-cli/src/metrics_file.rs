@@ -2,6 +2,7 @@
 //!
 //! A run that was killed measures again what came after its last checkpoint, and finds the same numbers.
 //! A row that the file already holds is therefore not written twice.
+//! The same rows stand in a file for TensorBoard.
 
 use std::collections::BTreeSet;
 use std::fs::{File, OpenOptions};
@@ -11,6 +12,8 @@ use std::path::{Path, PathBuf};
 use demosift::{Error, Result};
 use serde_json::{Value, json};
 
+use crate::event_file::EventFile;
+
 /// Which measurement a row is: stage, part, iteration.
 type Row = (String, String, u64);
 
@@ -19,6 +22,7 @@ pub(crate) struct MetricsFile {
     path: PathBuf,
     file: File,
     held: BTreeSet<Row>,
+    events: EventFile,
 }
 
 impl MetricsFile {
@@ -32,13 +36,13 @@ impl MetricsFile {
             Err(error) => return Err(failed(error)),
         };
         let whole = text.rfind('\n').map_or(0, |end| end + 1);
-        let held = text[..whole]
-            .lines()
-            .map(|line| row_of(line).ok_or_else(|| unreadable(line, &path)))
-            .collect::<Result<_>>()?;
+        let read = |line| row_of(line).ok_or_else(|| unreadable(line, &path));
+        let rows = text[..whole].lines().map(read).collect::<Result<Vec<_>>>()?;
+        let (held, rows): (_, Vec<Value>) = rows.into_iter().unzip();
         let file = OpenOptions::new().create(true).append(true).open(&path).map_err(failed)?;
         file.set_len(whole as u64).map_err(failed)?;
-        Ok(Self { path, file, held })
+        let events = EventFile::open(folder, &rows)?;
+        Ok(Self { path, file, held, events })
     }
 
     /// Appends a row, unless the file holds it.
@@ -61,13 +65,18 @@ impl MetricsFile {
         line += "}\n";
         self.file
             .write_all(line.as_bytes())
-            .map_err(|source| Error::io("cannot write the metrics", &self.path, &source))
+            .map_err(|source| Error::io("cannot write the metrics", &self.path, &source))?;
+        // Read back, so that a row is the same event now and when the run goes on.
+        let (_, row) = row_of(&line).expect("the line was made just now");
+        self.events.append(&row)
     }
 }
 
-fn row_of(line: &str) -> Option<Row> {
+/// A line as which measurement it is, and as all that it says.
+fn row_of(line: &str) -> Option<(Row, Value)> {
     let row: Value = serde_json::from_str(line).ok()?;
-    Some((row["stage"].as_str()?.to_owned(), row["part"].as_str()?.to_owned(), row["iteration"].as_u64()?))
+    let name = |key: &str| row[key].as_str().map(str::to_owned);
+    Some(((name("stage")?, name("part")?, row["iteration"].as_u64()?), row))
 }
 
 fn unreadable(line: &str, path: &Path) -> Error {

@@ -39,11 +39,16 @@ fn sift_ends_with_a_table_that_puts_good_demonstrations_first() {
         "resolved.toml",
         "run.json",
         "metrics.jsonl",
+        "events.out.tfevents.demosift",
         "scores.json",
         "ranking.json",
         "uncertainty.json",
         "subset.json",
         "data_only.json",
+        "policy_subset.safetensors",
+        "policy_subset.onnx",
+        "policy_all.safetensors",
+        "policy_all.onnx",
         "report.html",
     ] {
         assert!(files.contains_key(name), "{name}");

@@ -158,15 +158,17 @@ fn resolve(file: &TaskFile, model: Model) -> Result<Blueprint> {
     let heuristic = Fold::resolve(&file.heuristic, &names).map_err(|error| error.during("heuristic"))?;
     let success = file.success.as_ref().map(|success| Success::resolve(success, &names)).transpose();
     let success = success.map_err(|error| error.during("success"))?;
-    let controls: Vec<Control> = model
-        .control_ranges()?
-        .into_iter()
+    let control_ranges = model.control_ranges()?;
+    let controls: Vec<Control> = control_ranges
+        .iter()
         .map(|[low, high]| Control { middle: 0.5 * (low + high), half_range: 0.5 * (high - low) })
         .collect();
     let specification = Specification {
         name: file.name.clone(),
         observation_size: observation.iter().map(Reading::width).sum(),
+        observation_parts: observation::names(&file.observation, &model)?,
         action_size: controls.len(),
+        control_ranges,
         measurements: names,
         variants: variant_names(file)?,
         horizon: file.horizon.get(),

@@ -91,6 +91,34 @@ pub(crate) fn resolve(parts: &[ObservationPart], model: &Model) -> Result<Vec<Re
     Ok(readings)
 }
 
+/// What is observed, by name, such as `qpos knee`, each with how many numbers it has, in the order of the parts.
+///
+/// # Errors
+/// As [`resolve`].
+pub(crate) fn names(parts: &[ObservationPart], model: &Model) -> Result<Vec<(String, usize)>> {
+    let mut named = Vec::new();
+    let each = |names: &[String], what: &str, width| {
+        names.iter().map(|name| (format!("{what} {name}"), width)).collect::<Vec<_>>()
+    };
+    for part in parts {
+        match part {
+            ObservationPart::Qpos(names) => {
+                let joints = joints(names, model)?.into_iter();
+                named.extend(joints.map(|joint| (format!("qpos {}", joint.name), joint.qpos.len())));
+            }
+            ObservationPart::Qvel(names) => {
+                let joints = joints(names, model)?.into_iter();
+                named.extend(joints.map(|joint| (format!("qvel {}", joint.name), joint.qvel.len())));
+            }
+            ObservationPart::Position(names) => named.extend(each(names, "position", 3)),
+            ObservationPart::Velocity(names) => named.extend(each(names, "velocity", 3)),
+            ObservationPart::ContactWrench(names) => named.extend(each(names, "contact_wrench", 6)),
+            ObservationPart::Phase => named.push(("phase".to_owned(), 1)),
+        }
+    }
+    Ok(named)
+}
+
 /// Appends a reading, joined to the one before where the two are neighbors in the state.
 fn add(readings: &mut Vec<Reading>, reading: Reading) {
     match (readings.last_mut(), &reading) {

@@ -111,6 +111,9 @@ fn sizes_are_as_declared() {
         let found = SIZES.iter().find(|(known, ..)| *known == name);
         let (_, observation, action) = found.unwrap_or_else(|| panic!("declare the sizes of {name} here"));
         assert_eq!((specification.observation_size, specification.action_size), (*observation, *action));
+        let parts = specification.observation_parts.iter().map(|(_, width)| width);
+        assert_eq!(parts.sum::<usize>(), *observation, "{:?}", specification.observation_parts);
+        assert_eq!(specification.control_ranges.len(), *action);
     });
 }
 

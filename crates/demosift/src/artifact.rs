@@ -1,7 +1,10 @@
 //! How each noun is written down and read back, with a version each.
 //!
 //! Nouns for people are JSON; policies and discriminators are safetensors with the shapes and the filter inside;
+//! beside a policy stands the same one as ONNX, for whoever plays it without demosift;
 //! checkpoints and a demonstrator's stages, which are for the next process of the same version only, are compact binary.
+
+pub mod onnx;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};

@@ -16,8 +16,12 @@ pub struct Specification {
     pub name: String,
     /// Numbers in an observation.
     pub observation_size: usize,
+    /// What an observation consists of, in order: the name of each part, and how many numbers it has.
+    pub observation_parts: Vec<(String, usize)>,
     /// Numbers in an action; each means the whole range of an actuator over [−1, 1].
     pub action_size: usize,
+    /// What −1 and 1 of each action mean to its actuator, `[act]`, in the actuator's own unit.
+    pub control_ranges: Vec<[f64; 2]>,
     /// Names of the measurements, in the order of their columns.
     pub measurements: Vec<String>,
     /// Names of the variants; at least one.

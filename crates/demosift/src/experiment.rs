@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::adapt::{InnerUpdate, Learner, MetaPrior, Rule};
 use crate::advantage::AdvantageEstimation;
-use crate::artifact::Artifact;
+use crate::artifact::{Artifact, onnx};
 use crate::behavioral_cloning::Descent;
 use crate::data_only::{self, DataOnly};
 use crate::demonstration::{DemoId, DemonstrationSet};
@@ -543,6 +543,8 @@ fn learning_curve_with(
     if let Some(curve) = LearningCurve::recall(*ledger, part)?
         && curve.demos == demos
     {
+        // Again, in case that the run was killed between the two.
+        onnx::keep_policy(*ledger, part, &curve.best, playground.specification())?;
         return Ok(curve);
     }
     let imitation = &config.imitate;
@@ -554,6 +556,7 @@ fn learning_curve_with(
     }
     let curve = imitate::imitate(set, playground, imitation, state, seed, (part, &mut keeping))?;
     keeping.finish(part, &curve)?;
+    onnx::keep_policy(*ledger, part, &curve.best, playground.specification())?;
     Ok(curve)
 }
 

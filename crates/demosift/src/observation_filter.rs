@@ -10,7 +10,7 @@ use crate::rows::Rows;
 /// No spread below this counts: constant columns must not be blown up.
 const SMALLEST_STD: f64 = 1e-2;
 /// Normalized observations are clipped to this many standard deviations.
-const CLIP: f32 = 10.0;
+pub(crate) const CLIP: f32 = 10.0;
 
 /// Subtracts a mean, divides by a standard deviation, clips; fixed once made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -45,7 +45,9 @@ impl PointMass {
             specification: Specification {
                 name: "point_mass".to_owned(),
                 observation_size: 4,
+                observation_parts: vec![("position".to_owned(), 2), ("velocity".to_owned(), 2)],
                 action_size: 2,
+                control_ranges: vec![[-1.0, 1.0].map(|bound| bound * f64::from(FORCE_M_PER_S2)); 2],
                 measurements: ["x", "y", "goal_distance"].iter().map(name).collect(),
                 variants: goals[..count].iter().map(name).collect(),
                 horizon: HORIZON,

@@ -1,4 +1,6 @@
-//! `demosift export`: what a run kept, in the idiom of the tool that its demonstrations came from.
+//! `demosift export`: what a run kept, in the idiom of the tool that its demonstrations came from, and what it trained.
+
+mod policies;
 
 use std::path::{Path, PathBuf};
 
@@ -29,34 +31,39 @@ struct Kept {
 }
 
 pub(crate) fn run(arguments: &ExportArguments) -> Result<()> {
-    let kept = open(&arguments.run)?;
+    // Not everything needs the demonstrations, which may be gone.
+    let kept = || open(&arguments.run);
     match arguments.form {
-        Form::LerobotEpisodes => say(&format!("{}\n", episode_list(&kept)?), arguments),
-        Form::Json => say(&format!("{:#}\n", as_json(&kept)?), arguments),
-        Form::Csv => say(&as_csv(&kept)?, arguments),
-        Form::Lerobot => {
-            let out = folder(arguments)?;
-            let steps_per_sec = convert::steps_per_sec(arguments.fps, Some(&kept.identity.task))?;
-            let states = demonstration::read_states(&kept.demonstrations.path, kept.data.format)?;
-            let (episodes, states) =
-                convert::chosen(&kept.demonstrations.source, states.as_deref(), &kept.ids);
-            let task = convert::task_name(&kept.identity.task);
-            lerobot::write(&out, &episodes, states.as_deref(), steps_per_sec, &task)?;
-            written(&kept, &out)
-        }
-        Form::Minari => {
-            let out = folder(arguments)?;
-            let name = convert::minari_id(&out);
-            if kept.demonstrations.source.format == Format::MinariHdf5 {
-                minari::write_subset(&out, &kept.demonstrations.path, &labels(&kept), &name)?;
-            } else {
-                let (episodes, _) = convert::chosen(&kept.demonstrations.source, None, &kept.ids);
-                minari::write(&out, &episodes, &name)?;
-            }
-            written(&kept, &out)
-        }
-        Form::RobomimicFilterKey => add_filter_key(&kept, arguments),
+        Form::LerobotEpisodes => say(&format!("{}\n", episode_list(&kept()?)?), arguments),
+        Form::Json => say(&format!("{:#}\n", as_json(&kept()?)?), arguments),
+        Form::Csv => say(&as_csv(&kept()?)?, arguments),
+        Form::Lerobot => write_lerobot(&kept()?, arguments),
+        Form::Minari => write_minari(&kept()?, arguments),
+        Form::RobomimicFilterKey => add_filter_key(&kept()?, arguments),
+        Form::Onnx => policies::run(arguments),
     }
+}
+
+fn write_lerobot(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
+    let out = folder(arguments)?;
+    let steps_per_sec = convert::steps_per_sec(arguments.fps, Some(&kept.identity.task))?;
+    let states = demonstration::read_states(&kept.demonstrations.path, kept.data.format)?;
+    let (episodes, states) = convert::chosen(&kept.demonstrations.source, states.as_deref(), &kept.ids);
+    let task = convert::task_name(&kept.identity.task);
+    lerobot::write(&out, &episodes, states.as_deref(), steps_per_sec, &task)?;
+    written(kept, &out)
+}
+
+fn write_minari(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
+    let out = folder(arguments)?;
+    let name = convert::minari_id(&out);
+    if kept.demonstrations.source.format == Format::MinariHdf5 {
+        minari::write_subset(&out, &kept.demonstrations.path, &labels(kept), &name)?;
+    } else {
+        let (episodes, _) = convert::chosen(&kept.demonstrations.source, None, &kept.ids);
+        minari::write(&out, &episodes, &name)?;
+    }
+    written(kept, &out)
 }
 
 fn open(run: &Path) -> Result<Kept> {
@@ -221,7 +228,8 @@ fn say(text: &str, arguments: &ExportArguments) -> Result<()> {
 
 fn folder(arguments: &ExportArguments) -> Result<PathBuf> {
     arguments.out.clone().ok_or_else(|| {
-        Error::bad_config("a data set is a folder, and none is named").with_hint("add --out FOLDER")
+        Error::bad_config("what is to be written is a folder, and none is named")
+            .with_hint("add --out FOLDER")
     })
 }
 

@@ -87,7 +87,8 @@ fn play(chosen: &Chosen, path: &Path, arguments: &PlayArguments) -> Result<Vec<E
     episodes.collect()
 }
 
-fn read_policy(path: &Path, specification: &Specification) -> Result<Policy> {
+/// A policy of a run folder, if it fits the task.
+pub(crate) fn read_policy(path: &Path, specification: &Specification) -> Result<Policy> {
     let bytes = std::fs::read(path).map_err(|error| match error.kind() {
         std::io::ErrorKind::NotFound => {
             Error::bad_input("the policy does not exist").at(path).with_hint("check the path")

@@ -4,7 +4,7 @@ mod source;
 
 use std::path::Path;
 
-use demosift::artifact::{self, Artifact as _};
+use demosift::artifact::{self, Artifact as _, onnx};
 use demosift::demonstration::d4rl::{self, Episode, States};
 use demosift::demonstrator::{self, DemonstratorState, DemonstratorTraining, Outcome, Stage};
 use demosift::experiment::{self, Keeping};
@@ -226,6 +226,7 @@ fn make(
     };
     let last = stages.last().expect("training keeps its last stage");
     folder.keep("policy_demonstrator.safetensors", &artifact::write_policy(&last.policy))?;
+    onnx::keep_policy(folder, "demonstrator", &last.policy, playground.specification())?;
     let provenance = Provenance::of(demonstrator, visitors, &recorded);
     provenance.keep(folder, PROVENANCE_FILE)?;
     Ok((provenance, unseen))
