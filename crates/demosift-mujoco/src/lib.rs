@@ -65,6 +65,7 @@
 //! qpos = { target = -1.0 }             # on top of [reset]; also qvel
 //! ```
 
+pub mod check;
 pub mod environment;
 pub mod film;
 mod heuristic_fold;
@@ -72,6 +73,7 @@ mod include;
 mod measurement;
 pub mod model;
 pub mod mujoco_task;
+mod names;
 mod observation;
 pub mod picture;
 mod quiet;

@@ -11,6 +11,7 @@ use demosift::{Error, Result};
 use mujoco_rs::prelude::{MjModel, MjtIntegrator, MjtJoint, MjtObjBase};
 use mujoco_rs::wrappers::mj_auxiliary::MjVfs;
 
+use crate::names::instead;
 use crate::quiet::quiet;
 
 /// The largest picture that can be rendered, pixels; MuJoCo wants to know when the model is loaded.
@@ -26,6 +27,34 @@ pub(crate) struct Joint {
     pub(crate) name: String,
     pub(crate) qpos: Range<usize>,
     pub(crate) qvel: Range<usize>,
+}
+
+impl Joint {
+    /// What each of its positions is, such as `qpos elbow` or `qpos ball quaternion w`.
+    pub(crate) fn columns_of_qpos(&self) -> Vec<String> {
+        let quaternion = ["quaternion w", "quaternion x", "quaternion y", "quaternion z"];
+        match self.qpos.len() {
+            1 => vec![format!("qpos {}", self.name)],
+            4 => quaternion.iter().map(|part| format!("qpos {} {part}", self.name)).collect(),
+            _ => ["x", "y", "z"]
+                .iter()
+                .chain(&quaternion)
+                .map(|part| format!("qpos {} {part}", self.name))
+                .collect(),
+        }
+    }
+
+    /// What each of its velocities is, such as `qvel elbow` or `qvel ball turn x`.
+    pub(crate) fn columns_of_qvel(&self) -> Vec<String> {
+        let all = ["x", "y", "z", "turn x", "turn y", "turn z"];
+        match self.qvel.len() {
+            1 => vec![format!("qvel {}", self.name)],
+            // The three of a ball joint are the last ones of a free joint.
+            count => {
+                all[all.len() - count..].iter().map(|part| format!("qvel {} {part}", self.name)).collect()
+            }
+        }
+    }
 }
 
 /// A place in the model that moves with a body.
@@ -49,7 +78,7 @@ pub(crate) enum Kind {
 }
 
 impl Kind {
-    fn word(self) -> &'static str {
+    pub(crate) fn word(self) -> &'static str {
         match self {
             Self::Body => "body",
             Self::Joint => "joint",
@@ -186,6 +215,22 @@ impl Model {
             .collect()
     }
 
+    /// The name of a place; `body 3` or the like where it has none.
+    pub(crate) fn name_of(&self, point: Point) -> String {
+        let (kind, id) = match point {
+            Point::Body(id) => (Kind::Body, id),
+            Point::Geom(id) => (Kind::Geom, id),
+            Point::Site(id) => (Kind::Site, id),
+        };
+        self.called(kind)[id].clone()
+    }
+
+    /// The names of all things of a kind, by id; `geom 3` or the like for one without.
+    pub(crate) fn called(&self, kind: Kind) -> Vec<String> {
+        let names = self.names(kind).into_iter().enumerate();
+        names.map(|(id, name)| name.unwrap_or_else(|| format!("{} {id}", kind.word()))).collect()
+    }
+
     /// The joint with this name.
     ///
     /// # Errors
@@ -273,6 +318,6 @@ impl Model {
 
 fn unknown(kinds: &[Kind], name: &str, known: Vec<String>) -> Error {
     let kinds: Vec<_> = kinds.iter().map(|kind| kind.word()).collect();
-    let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
-    Error::bad_config(format!("no {} is called '{name}'; the model has: {known}", kinds.join(" or ")))
+    let instead = instead(name, "the model", &known);
+    Error::bad_config(format!("no {} is called '{name}'; {instead}", kinds.join(" or ")))
 }
