@@ -72,6 +72,11 @@ impl Measurement {
         }
     }
 
+    /// Whether it says that things touch.
+    pub(crate) fn is_contact(&self) -> bool {
+        matches!(self, Self::Contact(..))
+    }
+
     /// Whether it is a distance, of which less is usually better.
     pub(crate) fn is_distance(&self) -> bool {
         matches!(self, Self::Distance(..) | Self::HorizontalDistance(..))

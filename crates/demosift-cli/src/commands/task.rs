@@ -5,7 +5,9 @@ use std::time::Instant;
 use demosift::demonstration;
 use demosift::seed::Seed;
 use demosift::{Error, Result};
-use demosift_mujoco::check::{self, Compared, Finding, Played, Range, Recorded, Seen, Severity, StatesFrom};
+use demosift_mujoco::check::{
+    self, Actuator, Compared, Finding, Played, Range, Recorded, Seen, Severity, StatesFrom,
+};
 use serde_json::json;
 
 use crate::arguments::{TaskCheckArguments, TaskCommand};
@@ -15,6 +17,10 @@ use crate::{demonstrations, terminal};
 
 /// Rows that a table has before it sums up.
 const SHOWN: usize = 24;
+
+const LEGEND: &str = "Misses: the share of a step's change that an action, taken in its own recorded state, does not bring \
+                      about. Drift: how far positions go from the recorded ones, rad or m, at most and as root mean \
+                      square; leaves at: the first step at which it is more than 0.01.";
 
 pub(crate) fn run(command: &TaskCommand) -> Result<()> {
     match command {
@@ -74,11 +80,6 @@ fn check(arguments: &TaskCheckArguments) -> Result<()> {
 fn summary(seen: &Seen) -> String {
     let parts: Vec<String> =
         seen.observation.iter().map(|part| format!("{} {}", part.key, part.columns.len())).collect();
-    let actuators: Vec<String> = seen
-        .actuators
-        .iter()
-        .map(|actuator| format!("{} ({} to {})", actuator.name, actuator.low, actuator.high))
-        .collect();
     let unit = if seen.unit.is_empty() { String::new() } else { format!(" [{}]", seen.unit) };
     let rows = [
         ("bodies", counted(&seen.bodies)),
@@ -101,7 +102,7 @@ fn summary(seen: &Seen) -> String {
         ),
         ("episode", format!("{} control steps, {:.2} s", seen.horizon, seen.episode_secs)),
         ("observation", format!("{} numbers: {}", seen.observation_size, parts.join(", "))),
-        ("action", counted(&actuators)),
+        ("action", actuators(seen)),
         ("variants", counted(&seen.variants)),
         ("heuristic", format!("{}{unit}; higher is better", seen.heuristic)),
         ("success", seen.success.clone().unwrap_or_else(|| "the task does not say".to_owned())),
@@ -109,6 +110,25 @@ fn summary(seen: &Seen) -> String {
     ];
     let lines = rows.iter().map(|(what, words)| tables::hanging(&format!("  {what:<12}   "), words));
     format!("The task '{}':\n\n{}", seen.name, lines.collect::<String>())
+}
+
+/// Names with their ranges, which are said once where they are all the same.
+fn actuators(seen: &Seen) -> String {
+    let range = |actuator: &Actuator| format!("{} to {}", short(actuator.low), short(actuator.high));
+    let ranges: Vec<String> = seen.actuators.iter().map(range).collect();
+    let names: Vec<String> = seen.actuators.iter().map(|actuator| actuator.name.clone()).collect();
+    if ranges.iter().all(|range| *range == ranges[0]) {
+        return format!("{}; controls from {}", counted(&names), ranges[0]);
+    }
+    let named: Vec<String> =
+        names.iter().zip(&ranges).map(|(name, range)| format!("{name} ({range})")).collect();
+    counted(&named)
+}
+
+/// At most four decimals, and none that are 0.
+fn short(number: f64) -> String {
+    let written = format!("{number:.4}");
+    written.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 /// Such as `2: shoulder, elbow`.
@@ -181,7 +201,7 @@ fn under_recorded_actions(seen: &Seen, recorded: &Recorded) -> String {
     if replayed {
         header.extend([title.as_str()]);
         header.extend(says.then_some("success"));
-        header.extend(["off after 1 step", "off at most", "rms", "leaves by 0.01 at"]);
+        header.extend(["misses", "drift", "rms", "leaves at"]);
     }
     let rows: Vec<Vec<String>> = recorded
         .demonstrations
@@ -194,7 +214,11 @@ fn under_recorded_actions(seen: &Seen, recorded: &Recorded) -> String {
         0 => String::new(),
         rest => format!("  … and {rest} more\n"),
     };
-    format!("\n{words}\n\n{}{rest}", table(&header, &rows))
+    format!(
+        "\n{words}\n\n{}{rest}{}",
+        table(&header, &rows),
+        if replayed { format!("\n{}\n", wrapped(LEGEND)) } else { String::new() }
+    )
 }
 
 fn row_of(id: usize, one: &Compared, scale: Scale<'_>, replayed: bool, says: bool) -> Vec<String> {
@@ -207,14 +231,24 @@ fn row_of(id: usize, one: &Compared, scale: Scale<'_>, replayed: bool, says: boo
     if says {
         row.push(one.succeeded.map_or_else(unknown, tables::yes_or_no));
     }
+    row.push(one.missed.map_or_else(unknown, |missed| format!("{:.1} %", missed * 100.0)));
     match one.drift {
-        None => row.extend([(); 4].map(|()| unknown())),
+        None => row.extend([(); 3].map(|()| unknown())),
         Some(drift) => {
-            row.extend([drift.first, drift.greatest, drift.rms].map(|off| format!("{off:.0e}")));
+            row.extend([drift.greatest, drift.rms].map(drifted));
             row.push(drift.left_at.map_or_else(|| "never".to_owned(), |step| format!("step {step}")));
         }
     }
     row
+}
+
+/// A difference of positions, of which the size matters.
+fn drifted(off: f64) -> String {
+    match off {
+        0.0 => "0".to_owned(),
+        0.0005.. => format!("{off:.3}"),
+        _ => format!("{off:.0e}"),
+    }
 }
 
 fn told(findings: &[Finding]) -> String {

@@ -17,6 +17,8 @@ pub(super) const LEFT: f64 = 0.01;
 const SAME_PHYSICS: f64 = 0.02;
 /// From here on the physics is another one.
 const OTHER_PHYSICS: f64 = 0.2;
+/// What an explanation may leave of what is missed without it.
+const EXPLAINED: f64 = 0.25;
 /// Transitions that another explanation is tried on.
 const TRIED: usize = 100;
 /// Frame skips that are tried.
@@ -25,8 +27,6 @@ const SKIPS: u32 = 50;
 /// How far a replay of all actions goes from the recorded positions, rad or m.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Drift {
-    /// The greatest difference after the first action.
-    pub first: f64,
     /// The greatest difference of the whole episode; infinite if the replay became unstable.
     pub greatest: f64,
     /// Root of the mean square over all steps and positions.
@@ -40,6 +40,13 @@ pub struct Drift {
 pub(super) struct Episode<'a> {
     pub(super) actions: &'a Rows,
     pub(super) states: &'a StateLog,
+}
+
+impl Taken {
+    /// As the environment takes actions.
+    fn by(environment: &MujocoEnvironment) -> Self {
+        Self { physics_steps: environment.task().frame_skip, shift: 0, as_controls: false }
+    }
 }
 
 impl Episode<'_> {
@@ -68,7 +75,7 @@ pub(super) fn drift(environment: &mut MujocoEnvironment, episode: Episode<'_>) -
     let (qpos, qvel) = (qpos.to_vec(), qvel.to_vec());
     environment.set_state(&qpos, &qvel)?;
     let skip = environment.task().frame_skip;
-    let mut drift = Drift { first: 0.0, greatest: 0.0, rms: 0.0, left_at: None };
+    let mut drift = Drift { greatest: 0.0, rms: 0.0, left_at: None };
     let (mut squares, mut count) = (0.0, 0);
     for step in 1..episode.actions.len() {
         environment.push(episode.actions.row(step - 1), skip);
@@ -80,9 +87,6 @@ pub(super) fn drift(environment: &mut MujocoEnvironment, episode: Episode<'_>) -
         let largest = differences.clone().fold(0.0, f64::max);
         squares += differences.map(|difference| difference * difference).sum::<f64>();
         count += recorded.len();
-        if step == 1 {
-            drift.first = largest;
-        }
         drift.greatest = drift.greatest.max(largest);
         drift.left_at = drift.left_at.or((largest > LEFT).then_some(step));
     }
@@ -90,33 +94,74 @@ pub(super) fn drift(environment: &mut MujocoEnvironment, episode: Episode<'_>) -
     Ok(drift)
 }
 
-/// Whether each action leads from its recorded state to the next one, over all episodes; `None` if none has two states.
+/// What each episode's actions miss of the recorded changes, each taken in its own recorded state; `None` for an episode of
+/// one state, or in which nothing moves.
 ///
 /// # Errors
 /// `is_bad_input` if a state is not finite.
-pub(super) fn compare(
+pub(super) fn misses(
     environment: &mut MujocoEnvironment,
     episodes: &[Episode<'_>],
-) -> Result<Option<(f64, Finding)>> {
-    let taken = Taken { physics_steps: environment.task().frame_skip, shift: 0, as_controls: false };
-    let Some(missed) = missed(environment, episodes, taken, usize::MAX)? else { return Ok(None) };
-    let percent = format!("{:.1} % of a step's change", missed * 100.0);
-    if missed <= SAME_PHYSICS {
-        let message = format!("each recorded action leads to the next recorded state (it misses {percent})");
-        return Ok(Some((missed, Finding::fine(message))));
+) -> Result<Vec<Option<f64>>> {
+    let taken = Taken::by(environment);
+    let each = episodes.iter().map(|episode| missed(environment, &[*episode], taken, usize::MAX));
+    each.collect()
+}
+
+/// Whether actions lead to the recorded states, and if not, why; `misses` are those of the episodes, in order.
+///
+/// # Errors
+/// As [`misses`].
+pub(super) fn judge(
+    environment: &mut MujocoEnvironment,
+    episodes: &[Episode<'_>],
+    misses: &[Option<f64>],
+) -> Result<Option<Finding>> {
+    let known: Vec<f64> = misses.iter().flatten().copied().collect();
+    let largest = known.iter().copied().fold(0.0, f64::max);
+    if known.is_empty() {
+        return Ok(None);
     }
-    let message = format!("recorded actions do not lead to the next recorded state: they miss {percent}");
-    let advice = match explanation(environment, episodes, missed)? {
+    if is_same_physics(largest) {
+        let message = format!(
+            "each recorded action leads to the next recorded state (it misses at most {} of a step's change)",
+            percent(largest)
+        );
+        return Ok(Some(Finding::fine(message)));
+    }
+    let wrong: Vec<usize> =
+        (0..misses.len()).filter(|id| misses[*id].is_some_and(|missed| !is_same_physics(missed))).collect();
+    let odd: Vec<Episode<'_>> = wrong.iter().map(|id| episodes[*id]).collect();
+    let whose = if wrong.len() == known.len() {
+        "the demonstrations".to_owned()
+    } else {
+        let ids: Vec<String> = wrong.iter().map(usize::to_string).collect();
+        format!("{} of {} demonstrations ({})", wrong.len(), known.len(), super::first_few(&ids))
+    };
+    let message = format!(
+        "the actions of {whose} do not lead to the next recorded state: they miss up to {} of a step's change",
+        percent(largest)
+    );
+    let advice = match explanation(environment, &odd)? {
         Some(words) => words,
+        None if wrong.len() < known.len() => {
+            "these were recorded with another model or body than the others; that may be what you want to find out about"
+                .to_owned()
+        }
         None => "the model is another one than that of the recording: compare masses, gears, ctrlrange, damping and timestep"
             .to_owned(),
     };
-    let finding = if missed < OTHER_PHYSICS {
-        Finding::warning(message, advice)
-    } else {
-        Finding::error(message, advice)
-    };
-    Ok(Some((missed, finding)))
+    let other = largest >= OTHER_PHYSICS && wrong.len() == known.len();
+    Ok(Some(if other { Finding::error(message, advice) } else { Finding::warning(message, advice) }))
+}
+
+/// Whether what is missed can be put down to what no recording holds.
+pub(super) fn is_same_physics(missed: f64) -> bool {
+    missed <= SAME_PHYSICS
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.1} %", share * 100.0)
 }
 
 /// What of the change of a step is missed, root mean square over root mean square, of positions or of velocities: the larger.
@@ -172,30 +217,32 @@ fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// What would make the recorded actions lead to the recorded states, if something that is tried does.
-fn explanation(
-    environment: &mut MujocoEnvironment,
-    episodes: &[Episode<'_>],
-    missed_now: f64,
-) -> Result<Option<String>> {
-    let skip = environment.task().frame_skip;
+fn explanation(environment: &mut MujocoEnvironment, episodes: &[Episode<'_>]) -> Result<Option<String>> {
+    let as_it_is = Taken::by(environment);
     let timestep = environment.model().timestep_secs();
-    let as_it_is = Taken { physics_steps: skip, shift: 0, as_controls: false };
+    let Some(missed_now) = missed(environment, episodes, as_it_is, TRIED)? else { return Ok(None) };
+    let late = "an action belongs to the state that it was taken in";
     let mut tried = vec![
-        (Taken { shift: -1, ..as_it_is }, "the recording has each action one step late: an action belongs to the state that it was taken in".to_owned()),
-        (Taken { shift: 1, ..as_it_is }, "the recording has each action one step early: an action belongs to the state that it was taken in".to_owned()),
-        (Taken { as_controls: true, ..as_it_is }, "the recorded actions are controls in the units of ctrlrange; scale them to [-1, 1], or set ctrlrange to the range that 1 stood for".to_owned()),
+        (Taken { shift: 1, ..as_it_is }, format!("the recording has each action one step late: {late}")),
+        (Taken { shift: -1, ..as_it_is }, format!("the recording has each action one step early: {late}")),
+        (
+            Taken { as_controls: true, ..as_it_is },
+            "the recorded actions are controls in the units of ctrlrange: scale them to [-1, 1], or set ctrlrange to the \
+             range that was meant"
+                .to_owned(),
+        ),
     ];
-    tried.extend((1..=SKIPS).filter(|other| *other != skip).map(|other| {
-        let step = f64::from(other) * timestep;
-        let words = format!("with frame_skip = {other}, a control step of {step:.4} s, they would");
-        (Taken { physics_steps: other, ..as_it_is }, words)
+    tried.extend((1..=SKIPS).filter(|skip| *skip != as_it_is.physics_steps).map(|skip| {
+        let step = f64::from(skip) * timestep;
+        let words = format!("it was recorded with frame_skip = {skip}, a control step of {step:.4} s");
+        (Taken { physics_steps: skip, ..as_it_is }, words)
     }));
     let mut best: Option<(f64, String)> = None;
     for (taken, words) in tried {
         let Some(missed) = missed(environment, episodes, taken, TRIED)? else { continue };
-        if missed < 0.25 * missed_now && best.as_ref().is_none_or(|(least, _)| missed < *least) {
+        if missed < EXPLAINED * missed_now && best.as_ref().is_none_or(|(least, _)| missed < *least) {
             best = Some((missed, words));
         }
     }
-    Ok(best.map(|(missed, words)| format!("{words} (then they miss {:.1} %)", missed * 100.0)))
+    Ok(best.map(|(missed, words)| format!("it seems that {words} (then they miss {})", percent(missed))))
 }

@@ -22,7 +22,7 @@ const EPISODES: usize = 10;
 /// Control steps after which an actuator that does something has shown it.
 const PUSHED: usize = 10;
 /// How far geoms may be inside each other as an episode starts, m: more is thrown apart by the physics.
-const DEEP: f64 = 0.005;
+const DEEP: f64 = 0.02;
 
 /// What came of random actions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -309,14 +309,24 @@ fn what_is_seen(task: &MujocoTask, played: &Played) -> Vec<Finding> {
         ),
     });
     let still = constant(&played.measurements);
-    if !still.is_empty() {
+    let is_contact = |name: &String| {
+        let column = task.specification().measurements.iter().position(|known| known == name);
+        column.is_some_and(|column| task.blueprint().measurements[column].is_contact())
+    };
+    let (contacts, others): (Vec<String>, Vec<String>) = still.into_iter().partition(is_contact);
+    if !contacts.is_empty() {
+        findings.push(Finding::fine(format!(
+            "contacts that neither began nor ended, as may be in random episodes: {}",
+            first_few(&contacts)
+        )));
+    }
+    if !others.is_empty() {
         findings.push(Finding::warning(
-            format!("measurements that never changed: {}", first_few(&still)),
-            "fine if random actions rarely get there; otherwise see whether they name the right places",
+            format!("measurements that never changed: {}", first_few(&others)),
+            "see whether they name the right places, which something can move",
         ));
     }
-    let noiseless = task.blueprint().reset.is_noiseless();
-    if noiseless {
+    if task.blueprint().reset.is_noiseless() {
         findings.push(Finding::warning(
             "every episode of a variant starts in the same state",
             "give [reset] a qpos_noise or qvel_noise, as the demonstrations have: a policy that knows one start only is \

@@ -30,8 +30,6 @@ pub enum StatesFrom {
 pub struct Recorded {
     /// Where the states are known from.
     pub states: StatesFrom,
-    /// The share of a step's change that recorded actions miss, each from its own state; `None` without states.
-    pub missed: Option<f64>,
     /// One entry for each demonstration, in file order.
     pub demonstrations: Vec<Compared>,
 }
@@ -45,6 +43,9 @@ pub struct Compared {
     pub outside: usize,
     /// The largest number of its actions, without sign.
     pub largest_action: f64,
+    /// The share of a step's change that its actions miss, each taken in its own recorded state: 0 is the same physics, 1 as
+    /// good as no prediction; `None` without states.
+    pub missed: Option<f64>,
     /// How far its actions, played again from its first state, go from what was recorded; `None` without states.
     pub drift: Option<Drift>,
     /// The task's heuristic of what was recorded; `None` without states.
@@ -70,14 +71,13 @@ pub fn compare(
             steps: demonstration.steps(),
             outside: numbers.iter().filter(|number| number.abs() > 1.0).count(),
             largest_action: numbers.iter().fold(0.0, |largest, number| f64::from(number.abs()).max(largest)),
+            missed: None,
             drift: None,
             score: None,
             succeeded: None,
         }
     });
-    let mut recorded =
-        Recorded { states: StatesFrom::Nowhere, missed: None, demonstrations: compared.collect() };
-    findings.extend(actions(task, &recorded));
+    let mut recorded = Recorded { states: StatesFrom::Nowhere, demonstrations: compared.collect() };
     findings.extend(lengths(specification, &recorded));
     let made = match states {
         Some(_) => None,
@@ -93,6 +93,7 @@ pub fn compare(
             "the set holds no states of the simulator, so nothing is played again and no observation is checked",
             "record `qpos` and `qvel` beside the observations, if you can: docs/formats.md says where",
         ));
+        findings.push(actions(task, &recorded));
         return Ok((recorded, findings));
     };
     match replay_all(task, set, states, &mut recorded) {
@@ -102,6 +103,7 @@ pub fn compare(
             "the states are of another model: see whether the set was recorded in this one",
         )),
     }
+    findings.push(actions(task, &recorded));
     Ok((recorded, findings))
 }
 
@@ -148,21 +150,25 @@ fn widths(task: &MujocoTask) -> String {
     widths.iter().map(|(key, width)| format!("{key} {width}")).collect::<Vec<_>>().join(", ")
 }
 
-fn actions(task: &MujocoTask, recorded: &Recorded) -> Option<Finding> {
-    let outside: usize = recorded.demonstrations.iter().map(|one| one.outside).sum();
-    let steps: usize = recorded.demonstrations.iter().map(|one| one.steps).sum();
-    let numbers = steps * task.specification().action_size;
-    let largest = recorded.demonstrations.iter().map(|one| one.largest_action).fold(0.0, f64::max);
+fn actions(task: &MujocoTask, recorded: &Recorded) -> Finding {
+    let sum = |of: fn(&Compared) -> usize| recorded.demonstrations.iter().map(of).sum::<usize>();
+    let outside = sum(|one| one.outside);
     if outside == 0 {
-        return Some(Finding::fine("all actions are within [-1, 1]"));
+        return Finding::fine("all actions are within [-1, 1]");
     }
+    let numbers = sum(|one| one.steps) * task.specification().action_size;
+    let largest = recorded.demonstrations.iter().map(|one| one.largest_action).fold(0.0, f64::max);
     let share = outside as f64 / numbers as f64 * 100.0;
-    Some(Finding::warning(
-        format!(
-            "{share:.1} % of the numbers of actions are outside [-1, 1], up to {largest:.2}; they are clipped"
-        ),
+    let message = format!("{share:.1} % of the numbers of actions are outside [-1, 1], up to {largest:.2}");
+    // What was clipped then and is clipped now leads to the same states.
+    let physics = recorded.demonstrations.iter().map(|one| one.missed);
+    if physics.clone().all(|missed| missed.is_some_and(dynamics::is_same_physics)) {
+        return Finding::fine(format!("{message}; they are clipped, as they were when they were recorded"));
+    }
+    Finding::warning(
+        format!("{message}; they are clipped"),
         "fine for a policy that draws its actions; if they are controls in the units of ctrlrange, scale them",
-    ))
+    )
 }
 
 fn lengths(task: &Specification, recorded: &Recorded) -> Option<Finding> {
@@ -224,6 +230,7 @@ fn replay_all(
     recorded: &mut Recorded,
 ) -> Result<Vec<Finding>> {
     let mut findings = Vec::new();
+    let mut same_physics = false;
     for ((id, demonstration), states) in set.iter().zip(states) {
         replay::Replay::new(task, states, demonstration.steps())
             .map_err(|error| error.during(&format!("demonstration {id}")))?;
@@ -256,12 +263,13 @@ fn replay_all(
             compared.succeeded = task.succeeded(&rows);
         }
     }
-    if let Some((missed, finding)) = dynamics::compare(&mut environment, &episodes)? {
-        let same = finding.severity == Severity::Fine;
-        recorded.missed = Some(missed);
+    let misses = dynamics::misses(&mut environment, &episodes)?;
+    recorded.demonstrations.iter_mut().zip(&misses).for_each(|(one, missed)| one.missed = *missed);
+    if let Some(finding) = dynamics::judge(&mut environment, &episodes, &misses)? {
+        same_physics = finding.severity == Severity::Fine;
         findings.push(finding);
-        findings.extend(drifts(recorded, same));
     }
+    findings.extend(drifts(recorded, same_physics));
     findings.extend(scores(recorded));
     Ok(findings)
 }
