@@ -109,12 +109,14 @@ fn run(commands: &str, folder: &Path) -> (Option<i32>, String) {
     (output.status.code(), String::from_utf8(output.stdout).unwrap())
 }
 
-/// A line as it is compared: where only `about`, numbers are `#` and columns are one space apart.
+/// A line as it is compared: where only `about`, numbers, yes and no are `#` and columns are one space apart.
 fn comparable(line: &str, about: bool) -> String {
     if !about {
         return line.trim_end().to_owned();
     }
-    let words = line.split_whitespace().collect::<Vec<_>>().join(" ");
+    // Whether an episode succeeded is a number as well.
+    let word = |word| if matches!(word, "yes" | "no") { "#" } else { word };
+    let words = line.split_whitespace().map(word).collect::<Vec<_>>().join(" ");
     let mut out = String::new();
     let mut rest = words.chars().peekable();
     while let Some(next) = rest.next() {

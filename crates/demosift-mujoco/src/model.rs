@@ -99,8 +99,11 @@ impl Model {
     pub fn from_file(path: &Path) -> Result<Self> {
         quiet();
         if !path.is_file() {
-            let message = "there is no such file; `model` is relative to the folder of its task.toml";
-            return Err(Error::bad_input(message).at(path));
+            let beside = models_beside(path);
+            return Err(Error::bad_input(format!(
+                "there is no such file; `model` is relative to the folder of its task.toml, which has: {beside}"
+            ))
+            .at(path));
         }
         if path.to_str().is_none_or(|path| path.contains('\0')) {
             return Err(Error::bad_input("MuJoCo opens only paths that are valid UTF-8").at(path));
@@ -302,11 +305,14 @@ impl Model {
     /// If an actuator has no `ctrlrange`: then [−1, 1] would mean nothing.
     pub(crate) fn control_ranges(&self) -> Result<Vec<[f64; 2]>> {
         let limited = self.0.actuator_ctrllimited();
-        if let Some(control) = limited.iter().position(|limited| !limited) {
-            let names = self.names(Kind::Actuator);
-            let name = names.get(control).cloned().flatten().unwrap_or_else(|| format!("number {control}"));
+        let without = self.called(Kind::Actuator).into_iter().zip(limited).filter(|(_, limited)| !**limited);
+        let without: Vec<String> = without.map(|(name, _)| name).collect();
+        if let [first, rest @ ..] = &without[..] {
+            let others =
+                if rest.is_empty() { String::new() } else { format!(" (nor have: {})", rest.join(", ")) };
             return Err(Error::bad_input(format!(
-                "the actuator {name} has no ctrlrange; every actuator needs one, since actions in [-1, 1] are scaled to it"
+                "the actuator {first} has no ctrlrange{others}; every actuator needs one, such as ctrlrange=\"-1 1\", since \
+                 actions in [-1, 1] are scaled to it"
             )));
         }
         if limited.is_empty() {
@@ -316,7 +322,23 @@ impl Model {
     }
 }
 
-fn unknown(kinds: &[Kind], name: &str, known: Vec<String>) -> Error {
+/// The MJCF files in the folder of a path.
+fn models_beside(path: &Path) -> String {
+    let entries = path.parent().and_then(|folder| std::fs::read_dir(folder).ok()).into_iter().flatten();
+    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let mut names: Vec<String> = names.filter(|name| name.ends_with(".xml")).collect();
+    names.sort();
+    if names.is_empty() { "no .xml file".to_owned() } else { names.join(", ") }
+}
+
+fn unknown(kinds: &[Kind], name: &str, all: Vec<String>) -> Error {
+    // A geom is often called as its body is.
+    let mut known: Vec<String> = Vec::with_capacity(all.len());
+    all.into_iter().for_each(|one| {
+        if !known.contains(&one) {
+            known.push(one)
+        }
+    });
     let kinds: Vec<_> = kinds.iter().map(|kind| kind.word()).collect();
     let instead = instead(name, "the model", &known);
     Error::bad_config(format!("no {} is called '{name}'; {instead}", kinds.join(" or ")))

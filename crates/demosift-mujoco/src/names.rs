@@ -11,8 +11,15 @@ pub(crate) fn instead(name: &str, whose: &str, known: &[String]) -> String {
     format!("{nearest}{whose} has: {}", known.join(", "))
 }
 
+/// A name and all others, such as `no task is called 'handstan'; did you mean 'handstand'? there are: half_cheetah, handstand`.
+pub fn unknown(what: &str, name: &str, known: &[&str]) -> String {
+    let known: Vec<String> = known.iter().map(|known| (*known).to_owned()).collect();
+    let meant = nearest(name, &known).map_or(String::new(), |nearest| format!("did you mean '{nearest}'? "));
+    format!("no {what} is called '{name}'; {meant}there are: {}", known.join(", "))
+}
+
 /// The known name that takes the fewest typing errors to become `name`, if these are few for its length.
-fn nearest<'a>(name: &str, known: &'a [String]) -> Option<&'a str> {
+pub(crate) fn nearest<'a>(name: &str, known: &'a [String]) -> Option<&'a str> {
     let plain = |name: &str| name.to_lowercase().replace(['-', ' ', '.'], "_");
     let wanted = plain(name);
     let distance = |known: &str| {

@@ -365,6 +365,9 @@ fn what_does_not_fit_is_said_with_sizes() {
         states.iter().map(|log| StateLog { qpos: log.qpos[1..].to_vec(), ..log.clone() }).collect();
     let (_, findings) = compared(&task, &set, &short);
     assert_found(&findings, Severity::Error, "demonstration 0: 79 numbers of qpos in 40 steps do not fit");
+    let other = changed(&set, |row| row[..5].to_vec(), same);
+    let (_, findings) = compared(&task, &other, &short);
+    assert_found(&findings, Severity::Error, "an observation of the set has 5 numbers");
     let (_, findings) = compared(&load(&TASK.replace("horizon = 40", "horizon = 50"), MODEL), &set, &states);
     assert_found(
         &findings,
@@ -381,6 +384,9 @@ fn states_are_taken_from_observations_that_hold_all_of_them() {
     assert_eq!(recorded.states, StatesFrom::Observations);
     assert_fine(&findings);
     assert!(recorded.demonstrations.iter().all(|one| one.missed.unwrap() < 1e-4));
+    let swapped = |row: &[f32]| [&row[2..4], &row[..2], &row[4..]].concat();
+    let (_, findings) = check::compare(&task, &changed(&set, swapped, same), None).unwrap();
+    assert_found(&findings, Severity::Error, "stand in another order than those of `observation`");
     let blind = load(&TASK.replace("{ qvel = \"all\" }", "{ qvel = \"elbow\" }"), MODEL);
     let (set, _) = record(&blind);
     let (recorded, findings) = check::compare(&blind, &set, None).unwrap();

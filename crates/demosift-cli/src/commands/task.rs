@@ -154,7 +154,7 @@ fn under_random_actions(seen: &Seen, played: &Played, steps_per_sec: f64) -> Str
         )
     };
     let words = format!(
-        "{} episodes of random actions, {} control steps at {} a second on one thread. {scores}",
+        "{} episodes of random actions: {} control steps, {} a second on one thread.",
         played.episodes,
         played.steps,
         rounded(steps_per_sec)
@@ -178,7 +178,7 @@ fn under_random_actions(seen: &Seen, played: &Played, steps_per_sec: f64) -> Str
     rows.extend(
         measured.map(|(measured, range)| row(format!("{}: {}", measured.name, measured.what), range)),
     );
-    format!("\n{}\n\n{}{rest}", wrapped(&words), table(&["what", "least", "greatest", ""], &rows))
+    format!("\n{words}\n{}\n\n{}{rest}", wrapped(&scores), table(&["what", "least", "greatest", ""], &rows))
 }
 
 /// Two digits that count.

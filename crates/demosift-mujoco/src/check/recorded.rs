@@ -64,7 +64,6 @@ pub fn compare(
     states: Option<&[StateLog]>,
 ) -> Result<(Recorded, Vec<Finding>)> {
     let specification = task.specification();
-    let mut findings = sizes(task, set, states.is_some());
     let compared = set.iter().map(|(_, demonstration)| {
         let numbers = demonstration.actions().flat();
         Compared {
@@ -78,7 +77,7 @@ pub fn compare(
         }
     });
     let mut recorded = Recorded { states: StatesFrom::Nowhere, demonstrations: compared.collect() };
-    findings.extend(lengths(specification, &recorded));
+    let mut findings: Vec<Finding> = lengths(specification, &recorded).into_iter().collect();
     let made = match states {
         Some(_) => None,
         None => states_in_observations(task, set),
@@ -93,22 +92,29 @@ pub fn compare(
             "the set holds no states of the simulator, so nothing is played again and no observation is checked",
             "record `qpos` and `qvel` beside the observations, if you can: docs/formats.md says where",
         ));
-        findings.push(actions(task, &recorded));
+        findings.extend(sizes(task, set, false));
+        findings.push(actions(set, &recorded));
         return Ok((recorded, findings));
     };
     match replay_all(task, set, states, &mut recorded) {
-        Ok(more) => findings.extend(more),
-        Err(error) => findings.push(Finding::error(
-            error.to_string(),
-            "the states are of another model: see whether the set was recorded in this one",
-        )),
+        Ok(more) => {
+            findings.extend(sizes(task, set, true));
+            findings.extend(more);
+        }
+        Err(error) => {
+            findings.extend(sizes(task, set, false));
+            findings.push(Finding::error(
+                error.to_string(),
+                "the states are of another model: see whether the set was recorded in this one",
+            ));
+        }
     }
-    findings.push(actions(task, &recorded));
+    findings.push(actions(set, &recorded));
     Ok((recorded, findings))
 }
 
-/// Where states are known, [`columns::compare`] has more to say of observations of another size.
-fn sizes(task: &MujocoTask, set: &DemonstrationSet, has_states: bool) -> Vec<Finding> {
+/// Where states were replayed, [`columns::compare`] has said more of observations of another size.
+fn sizes(task: &MujocoTask, set: &DemonstrationSet, replayed: bool) -> Vec<Finding> {
     let specification = task.specification();
     let sizes = [
         ("an observation", set.observation_size(), specification.observation_size, "`observation`"),
@@ -124,7 +130,7 @@ fn sizes(task: &MujocoTask, set: &DemonstrationSet, has_states: bool) -> Vec<Fin
         ))];
     }
     wrong
-        .filter(|(_, _, _, whose)| !has_states || *whose != "`observation`")
+        .filter(|(_, _, _, whose)| !replayed || *whose != "`observation`")
         .map(|(what, found, wanted, whose)| {
             let message = format!("{what} of the set has {found} numbers, and one of the task {wanted}");
             let parts = if whose == "`observation`" { format!(" ({})", widths(task)) } else { String::new() };
@@ -150,13 +156,13 @@ fn widths(task: &MujocoTask) -> String {
     widths.iter().map(|(key, width)| format!("{key} {width}")).collect::<Vec<_>>().join(", ")
 }
 
-fn actions(task: &MujocoTask, recorded: &Recorded) -> Finding {
+fn actions(set: &DemonstrationSet, recorded: &Recorded) -> Finding {
     let sum = |of: fn(&Compared) -> usize| recorded.demonstrations.iter().map(of).sum::<usize>();
     let outside = sum(|one| one.outside);
     if outside == 0 {
         return Finding::fine("all actions are within [-1, 1]");
     }
-    let numbers = sum(|one| one.steps) * task.specification().action_size;
+    let numbers = sum(|one| one.steps) * set.action_size();
     let largest = recorded.demonstrations.iter().map(|one| one.largest_action).fold(0.0, f64::max);
     let share = outside as f64 / numbers as f64 * 100.0;
     let message = format!("{share:.1} % of the numbers of actions are outside [-1, 1], up to {largest:.2}");
@@ -265,8 +271,11 @@ fn replay_all(
     }
     let misses = dynamics::misses(&mut environment, &episodes)?;
     recorded.demonstrations.iter_mut().zip(&misses).for_each(|(one, missed)| one.missed = *missed);
-    if let Some(finding) = dynamics::judge(&mut environment, &episodes, &misses)? {
+    if let Some(mut finding) = dynamics::judge(&mut environment, &episodes, &misses)? {
         same_physics = finding.severity == Severity::Fine;
+        if let (StatesFrom::Observations, Some(advice)) = (recorded.states, &mut finding.advice) {
+            *advice += "; or the numbers of the set stand in another order than those of `observation`";
+        }
         findings.push(finding);
     }
     findings.extend(drifts(recorded, same_physics));
