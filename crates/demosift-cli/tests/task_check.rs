@@ -45,8 +45,11 @@ fn a_task_is_described_and_what_is_odd_is_told() {
 
 #[test]
 fn an_error_among_the_findings_ends_with_exit_code_2_and_all_findings_are_still_told() {
-    let scratch =
-        with_task("check-error", "x = { qpos = 'slide' }", "x = { position = { of = 'block', axis = 'z' } }");
+    let scratch = with_task(
+        "check-error",
+        "x = { qpos = 'slide' }",
+        "x = { position = { of = 'body:block', axis = 'z' } }",
+    );
     let output = scratch.run("task check block");
     let (said, complaint) =
         (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());

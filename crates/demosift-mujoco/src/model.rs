@@ -234,6 +234,12 @@ impl Model {
         names.map(|(id, name)| name.unwrap_or_else(|| format!("{} {id}", kind.word()))).collect()
     }
 
+    /// Which numbers of the position belong to slide joints.
+    pub(crate) fn slides(&self) -> Vec<usize> {
+        let kinds = self.0.jnt_type().iter().zip(self.0.jnt_qposadr());
+        kinds.filter(|(kind, _)| **kind == MjtJoint::mjJNT_SLIDE).map(|(_, at)| *at as usize).collect()
+    }
+
     /// The joint with this name.
     ///
     /// # Errors

@@ -1,5 +1,5 @@
 //! What a check of a task finds: mistakes that are planted one by one in an arm that is right, and in recordings of it.
-#![allow(clippy::unwrap_used, missing_docs)]
+#![allow(clippy::unwrap_used, clippy::print_stderr, missing_docs)]
 
 use demosift::demonstration::{Demonstration, DemonstrationSet};
 use demosift::environment::{EnvVariant, Environment as _, Task as _};
@@ -394,6 +394,36 @@ fn states_are_taken_from_observations_that_hold_all_of_them() {
     assert_found(&findings, Severity::Warning, "the set holds no states");
 }
 
+/// Where a cheetah is does not matter to it, so its task does not show it, and it can be played again without.
+#[test]
+fn states_are_taken_from_observations_without_the_place_of_a_slide() {
+    let task = demosift_mujoco::registry::load("half_cheetah").unwrap();
+    let (set, _) = record(&task);
+    let (recorded, findings) = check::compare(&task, &set, None).unwrap();
+    assert_eq!(recorded.states, StatesFrom::Observations);
+    assert_fine(&findings);
+    assert_found(&findings, Severity::Fine, "every position that matters and velocity");
+    // The heuristic is the place, which is not known.
+    assert!(recorded.demonstrations.iter().all(|one| one.score.is_none() && one.missed.unwrap() < 0.01));
+}
+
+/// Ten runs that others recorded in Gymnasium: another program, with the same physics.
+#[test]
+fn a_public_set_leads_where_its_recorder_says() {
+    use demosift::demonstration::d4rl;
+    let path = "../../../shared/data/half_cheetah_noisy/half_cheetah_noisy.hdf5";
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(path);
+    if !path.exists() {
+        eprintln!("skipped: the public HalfCheetah set is not there");
+        return;
+    }
+    let task = demosift_mujoco::registry::load("half_cheetah").unwrap();
+    let (recorded, findings) = check::compare(&task, &d4rl::read(&path).unwrap(), None).unwrap();
+    assert_eq!(check::count(&findings, Severity::Error), 0, "{findings:#?}");
+    let missed: Vec<f64> = recorded.demonstrations.iter().map(|one| one.missed.unwrap()).collect();
+    assert!(missed.iter().all(|missed| *missed < 0.04), "{missed:?}");
+}
+
 /// The sets of the repository are of their tasks, but for the guests of one.
 #[test]
 fn the_sets_of_the_repository_are_of_their_tasks() {
@@ -409,7 +439,7 @@ fn the_sets_of_the_repository_are_of_their_tasks() {
         let task = demosift_mujoco::registry::load(task).unwrap();
         let (recorded, findings) = compared(&task, &set, &states);
         assert_eq!(check::count(&findings, Severity::Error), 0, "{findings:#?}");
-        let missing = recorded.demonstrations.iter().filter(|one| one.missed.unwrap() > 0.02).count();
+        let missing = recorded.demonstrations.iter().filter(|one| one.missed.unwrap() > 0.05).count();
         assert_eq!(missing, others);
     }
 }

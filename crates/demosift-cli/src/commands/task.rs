@@ -20,7 +20,7 @@ const SHOWN: usize = 24;
 
 const LEGEND: &str = "Misses: the share of a step's change that an action, taken in its own recorded state, does not bring \
                       about. Drift: how far positions go from the recorded ones, rad or m, at most and as root mean \
-                      square; leaves at: the first step at which it is more than 0.01.";
+                      square; leaves: the first step at which it is more than 0.01.";
 
 pub(crate) fn run(command: &TaskCommand) -> Result<()> {
     match command {
@@ -197,18 +197,19 @@ fn under_recorded_actions(seen: &Seen, recorded: &Recorded) -> String {
     let title = scale.title("heuristic");
     let says = recorded.demonstrations.iter().any(|one| one.succeeded.is_some());
     let replayed = recorded.states != StatesFrom::Nowhere;
-    let mut header = vec!["demonstration", "steps", "largest action"];
+    let scored = recorded.demonstrations.iter().any(|one| one.score.is_some());
+    let mut header = vec!["demonstration", "steps", "max action"];
     if replayed {
-        header.extend([title.as_str()]);
+        header.extend(scored.then_some(title.as_str()));
         header.extend(says.then_some("success"));
-        header.extend(["misses", "drift", "rms", "leaves at"]);
+        header.extend(["misses", "drift", "rms", "leaves"]);
     }
     let rows: Vec<Vec<String>> = recorded
         .demonstrations
         .iter()
         .enumerate()
         .take(SHOWN)
-        .map(|(id, one)| row_of(id, one, scale, replayed, says))
+        .map(|(id, one)| row_of(id, one, scale, (replayed, scored, says)))
         .collect();
     let rest = match recorded.demonstrations.len() - rows.len() {
         0 => String::new(),
@@ -221,13 +222,20 @@ fn under_recorded_actions(seen: &Seen, recorded: &Recorded) -> String {
     )
 }
 
-fn row_of(id: usize, one: &Compared, scale: Scale<'_>, replayed: bool, says: bool) -> Vec<String> {
+fn row_of(
+    id: usize,
+    one: &Compared,
+    scale: Scale<'_>,
+    (replayed, scored, says): (bool, bool, bool),
+) -> Vec<String> {
     let mut row = vec![id.to_string(), one.steps.to_string(), format!("{:.2}", one.largest_action)];
     if !replayed {
         return row;
     }
     let unknown = || "-".to_owned();
-    row.push(one.score.map_or_else(unknown, |score| scale.plain(score)));
+    if scored {
+        row.push(one.score.map_or_else(unknown, |score| scale.plain(score)));
+    }
     if says {
         row.push(one.succeeded.map_or_else(unknown, tables::yes_or_no));
     }

@@ -19,7 +19,7 @@ use crate::replay;
 pub enum StatesFrom {
     /// The set holds them.
     Recording,
-    /// The task observes every position and velocity.
+    /// The task observes every velocity, and every position but those of slides, such as how far a runner has come.
     Observations,
     /// They are not known, so nothing is played again.
     Nowhere,
@@ -87,7 +87,8 @@ pub fn compare(
         (None, Some(_)) => StatesFrom::Observations,
         (None, None) => StatesFrom::Nowhere,
     };
-    let Some(states) = states.or(made.as_deref()) else {
+    let hidden: &[usize] = made.as_ref().map_or(&[], |made| &made.hidden);
+    let Some(states) = states.or(made.as_ref().map(|made| &made.states[..])) else {
         findings.push(Finding::warning(
             "the set holds no states of the simulator, so nothing is played again and no observation is checked",
             "record `qpos` and `qvel` beside the observations, if you can: docs/formats.md says where",
@@ -96,7 +97,7 @@ pub fn compare(
         findings.push(actions(set, &recorded));
         return Ok((recorded, findings));
     };
-    match replay_all(task, set, states, &mut recorded) {
+    match replay_all(task, set, (states, hidden), &mut recorded) {
         Ok(more) => {
             findings.extend(sizes(task, set, true));
             findings.extend(more);
@@ -193,8 +194,16 @@ fn lengths(task: &Specification, recorded: &Recorded) -> Option<Finding> {
     ))
 }
 
-/// The states out of observations that hold every position and velocity.
-fn states_in_observations(task: &MujocoTask, set: &DemonstrationSet) -> Option<Vec<StateLog>> {
+/// States of each demonstration, and which positions in them are not known.
+struct Made {
+    states: Vec<StateLog>,
+    hidden: Vec<usize>,
+}
+
+/// The states out of observations that hold every velocity, and every position but those of slides.
+///
+/// Where a slide stands hardly ever matters to the physics: a runner runs everywhere alike. Unknown ones stand at 0.
+fn states_in_observations(task: &MujocoTask, set: &DemonstrationSet) -> Option<Made> {
     if set.observation_size() != task.specification().observation_size {
         return None;
     }
@@ -202,37 +211,38 @@ fn states_in_observations(task: &MujocoTask, set: &DemonstrationSet) -> Option<V
     let (mut qpos, mut qvel) = (vec![None; model.nq() as usize], vec![None; model.nv() as usize]);
     let mut first = 0;
     for reading in &task.blueprint().observation {
-        let (columns, range) = match reading {
-            Reading::Qpos(range) => (&mut qpos, range),
-            Reading::Qvel(range) => (&mut qvel, range),
-            _ => {
-                first += reading.width();
-                continue;
-            }
-        };
-        range.clone().enumerate().for_each(|(offset, at)| columns[at] = Some(first + offset));
+        if let Reading::Qpos(range) = reading {
+            range.clone().enumerate().for_each(|(offset, at)| qpos[at] = Some(first + offset));
+        }
+        if let Reading::Qvel(range) = reading {
+            range.clone().enumerate().for_each(|(offset, at)| qvel[at] = Some(first + offset));
+        }
         first += reading.width();
     }
-    let (qpos, qvel) = (whole(qpos)?, whole(qvel)?);
-    let pick = |rows: &Rows, columns: &[usize]| -> Vec<f64> {
-        rows.iter().flat_map(|row| columns.iter().map(|column| f64::from(row[*column]))).collect()
+    let hidden: Vec<usize> = (0..qpos.len()).filter(|at| qpos[*at].is_none()).collect();
+    let slides = task.model().slides();
+    if hidden.len() == qpos.len() || qvel.contains(&None) || !hidden.iter().all(|at| slides.contains(at)) {
+        return None;
+    }
+    let pick = |rows: &Rows, columns: &[Option<usize>]| -> Vec<f64> {
+        let number =
+            |row: &[f32], column: &Option<usize>| column.map_or(0.0, |column| f64::from(row[column]));
+        rows.iter()
+            .flat_map(|row| columns.iter().map(|column| number(row, column)).collect::<Vec<_>>())
+            .collect()
     };
-    let log = set.iter().map(|(_, demonstration)| {
+    let states = set.iter().map(|(_, demonstration)| {
         let rows = demonstration.observations();
         StateLog { qpos: pick(rows, &qpos), qvel: pick(rows, &qvel) }
     });
-    Some(log.collect())
-}
-
-fn whole(columns: Vec<Option<usize>>) -> Option<Vec<usize>> {
-    columns.into_iter().collect()
+    Some(Made { states: states.collect(), hidden })
 }
 
 /// Fills in what the states tell, as far as sizes allow.
 fn replay_all(
     task: &MujocoTask,
     set: &DemonstrationSet,
-    states: &[StateLog],
+    (states, hidden): (&[StateLog], &[usize]),
     recorded: &mut Recorded,
 ) -> Result<Vec<Finding>> {
     let mut findings = Vec::new();
@@ -249,9 +259,10 @@ fn replay_all(
             .collect();
         findings.extend(columns::compare(task, &episodes)?);
     } else {
-        findings.push(Finding::fine(
-            "the task observes every position and velocity, so states are taken from the observations",
-        ));
+        let but = if hidden.is_empty() { "" } else { " that matters" };
+        findings.push(Finding::fine(format!(
+            "the task observes every position{but} and velocity, so states are taken from the observations"
+        )));
     }
     if set.action_size() != task.specification().action_size {
         return Ok(findings);
@@ -259,11 +270,15 @@ fn replay_all(
     let episodes: Vec<dynamics::Episode<'_>> = set
         .iter()
         .zip(states)
-        .map(|((_, one), states)| dynamics::Episode { actions: one.actions(), states })
+        .map(|((_, one), states)| dynamics::Episode { actions: one.actions(), states, hidden })
         .collect();
     let mut environment = task.mujoco_environment()?;
     for (episode, compared) in episodes.iter().zip(&mut recorded.demonstrations) {
         compared.drift = Some(dynamics::drift(&mut environment, *episode)?);
+        if !hidden.is_empty() {
+            // What is measured may depend on what is not known.
+            continue;
+        }
         if let Ok(rows) = replay::measurements(task, episode.states, episode.actions) {
             compared.score = Some(task.heuristic().score(&rows));
             compared.succeeded = task.succeeded(&rows);
