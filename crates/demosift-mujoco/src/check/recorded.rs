@@ -312,7 +312,7 @@ fn drifts(recorded: &Recorded, same_physics: bool) -> Option<Finding> {
     same_physics.then(|| {
         Finding::fine(format!(
             "played again from their first states, {left} of {count} demonstrations leave their recorded positions by more \
-             than {}, the first after {first} steps: contacts make small differences large, and the physics is the same",
+             than {}, the first after {first} steps: small differences grow, above all with contacts",
             dynamics::LEFT
         ))
     })
