@@ -30,8 +30,9 @@ pub(crate) fn nearest<'a>(name: &str, known: &'a [String]) -> Option<&'a str> {
         if part { 1 } else { strsim::damerau_levenshtein(&wanted, &known) }
     };
     let (errors, nearest) = known.iter().map(|known| (distance(known), known.as_str())).min()?;
-    let few = 1 + name.chars().count() / 4;
-    (errors <= few).then_some(nearest)
+    let length = name.chars().count();
+    // Every letter is near to every other one.
+    (errors <= 1 + length / 4 && errors < length).then_some(nearest)
 }
 
 #[cfg(test)]
