@@ -44,6 +44,9 @@ pub(crate) enum Command {
     Convert(ConvertArguments),
     /// Hand on what a run kept, in the idiom of the tool that its demonstrations came from
     Export(ExportArguments),
+    /// Look after a task of your own
+    #[command(subcommand)]
+    Task(TaskCommand),
     /// List the tasks that come with demosift
     Tasks(TasksArguments),
 }
@@ -374,6 +377,39 @@ impl ReportArguments {
             run,
         }
     }
+}
+
+/// What is done with a task alone.
+#[derive(Debug, Subcommand)]
+pub(crate) enum TaskCommand {
+    /// Say what a task is made of, try it with random actions and with demonstrations, and tell what is wrong
+    Check(TaskCheckArguments),
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  A task of your own, as soon as it has a model and a task.toml:
+    demosift task check my_robot
+  Whether demonstrations fit it, and their actions lead where they led when they were recorded:
+    demosift task check my_robot --data my_demonstrations.hdf5
+
+Exit code 2 if there is an error among the findings.")]
+pub(crate) struct TaskCheckArguments {
+    /// The task: the path of a folder with a task.toml, or a name (see `demosift tasks`)
+    #[arg(value_name = "PATH|NAME")]
+    pub(crate) task: String,
+    /// Demonstrations to hold against it
+    #[arg(long, value_name = "SET")]
+    pub(crate) data: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) storage: SourceArguments,
+    /// The root of the random actions
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Print the results as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 #[derive(Debug, Args)]

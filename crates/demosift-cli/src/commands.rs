@@ -12,6 +12,7 @@ mod record;
 mod report;
 mod select;
 mod sift;
+mod task;
 mod tasks;
 mod weigh;
 
@@ -35,6 +36,7 @@ pub(crate) fn run(command: Command) -> Result<()> {
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
+        Command::Task(command) => task::run(&command),
         Command::Tasks(arguments) => {
             tasks::run(&arguments);
             Ok(())

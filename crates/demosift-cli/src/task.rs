@@ -6,7 +6,7 @@ use demosift::environment::Task;
 use demosift::point_mass::PointMass;
 use demosift::{Error, Result, files};
 use demosift_mujoco::mujoco_task::MujocoTask;
-use demosift_mujoco::registry;
+use demosift_mujoco::{names, registry};
 
 use crate::configuration::Layer;
 
@@ -112,7 +112,10 @@ pub(crate) fn missing() -> Error {
 }
 
 fn unknown(name: &str) -> Error {
-    Error::bad_input(format!("no task is called '{name}'; there are: {}", names().join(", ")))
+    if name.contains(std::path::MAIN_SEPARATOR) {
+        return Error::bad_input("there is no such file or folder, so it is no task").at(Path::new(name));
+    }
+    Error::bad_input(names::unknown("task", name, &names()))
         .with_hint("or give the path of a folder that holds a task.toml")
 }
 

@@ -30,6 +30,17 @@ const FATAL: [MjtWarning; 4] = [
     MjtWarning::mjWARN_BADCTRL,
 ];
 
+/// MuJoCo's warnings in words, in its order.
+const WARNINGS: [&str; 7] = [
+    "a mass matrix is nearly singular (INERTIA): a body has too little mass or armature",
+    "there are more contacts than there is memory for (CONTACTFULL)",
+    "there are more constraints than there is memory for (CNSTRFULL)",
+    "a position is not finite or far too large (BADQPOS)",
+    "a velocity is not finite or far too large (BADQVEL)",
+    "an acceleration is not finite or far too large (BADQACC)",
+    "a control is not finite or far too large (BADCTRL)",
+];
+
 /// A running instance of a [`MujocoTask`](crate::mujoco_task::MujocoTask).
 pub struct MujocoEnvironment {
     task: Arc<Blueprint>,
@@ -123,6 +134,26 @@ impl MujocoEnvironment {
         self.data.warning().iter().map(|warning| warning.number as usize).sum()
     }
 
+    /// What MuJoCo warned of in this episode, in words, and how often.
+    pub(crate) fn warnings_by_kind(&self) -> Vec<(&'static str, usize)> {
+        let counts = self.data.warning().iter().map(|warning| warning.number as usize);
+        WARNINGS.into_iter().zip(counts).filter(|(_, count)| *count > 0).collect()
+    }
+
+    /// Applies an action, which is clipped to [−1, 1], for so many steps of the physics; counts and measures nothing.
+    pub(crate) fn push(&mut self, action: &[f32], physics_steps: u32) {
+        self.set_controls(action);
+        self.advance(physics_steps);
+    }
+
+    pub(crate) fn task(&self) -> &Blueprint {
+        &self.task
+    }
+
+    pub(crate) fn data(&self) -> &Data {
+        &self.data
+    }
+
     pub(crate) fn data_mut(&mut self) -> &mut Data {
         &mut self.data
     }
@@ -159,14 +190,13 @@ impl MujocoEnvironment {
         }
     }
 
-    fn advance(&mut self) {
-        let more = self.task.frame_skip - 1;
+    fn advance(&mut self, physics_steps: u32) {
         if self.task.model.has_split_step() {
             self.data.step2();
         } else {
             self.data.step();
         }
-        (0..more).for_each(|_| self.data.step());
+        (1..physics_steps).for_each(|_| self.data.step());
         if self.needs_wrenches {
             self.data.rne_post_constraint();
         }
@@ -219,8 +249,7 @@ impl Environment for MujocoEnvironment {
     }
 
     fn step(&mut self, action: &[f32], observation: &mut [f32], measurements: &mut [f32]) -> StepOutcome {
-        self.set_controls(action);
-        self.advance();
+        self.push(action, self.task.frame_skip);
         self.steps += 1;
         std::mem::swap(&mut self.before, &mut self.after);
         self.measure();

@@ -7,6 +7,7 @@ use demosift::rows::Rows;
 use demosift::{Error, Result};
 use serde::Deserialize;
 
+use crate::names::instead;
 use crate::task_file::{self, FoldOf, OneOrMore};
 
 /// How the counted rows become one number.
@@ -173,6 +174,54 @@ impl Fold {
             }
     }
 
+    /// What it says of an episode, such as `the least reach, negated`.
+    pub(crate) fn words(&self, measurements: &[String]) -> String {
+        let names: Vec<&str> = self.columns.iter().map(|column| measurements[*column].as_str()).collect();
+        let of = names.join(" + ");
+        let fold = match self.kind {
+            FoldKind::LastMinusFirst => format!("the last {of} less the first"),
+            FoldKind::Min => format!("the least {of}"),
+            FoldKind::Max => format!("the greatest {of}"),
+            FoldKind::Sum => format!("the sum of {of} over the steps"),
+            FoldKind::Mean => format!("the mean of {of} over the steps"),
+            FoldKind::Last => format!("the last {of}"),
+            FoldKind::Count => "the number of steps".to_owned(),
+        };
+        let all = |conditions: &[Condition]| {
+            let words: Vec<String> =
+                conditions.iter().map(|condition| condition.words(measurements)).collect();
+            words.join(" and ")
+        };
+        let when = if self.when.is_empty() { String::new() } else { format!(" where {}", all(&self.when)) };
+        let as_long_as = if self.as_long_as.is_empty() {
+            String::new()
+        } else {
+            format!(" as long as {}", all(&self.as_long_as))
+        };
+        let otherwise = if self.when.is_empty() && self.as_long_as.is_empty() {
+            String::new()
+        } else {
+            format!(" (or {} if there is no such step)", self.otherwise)
+        };
+        let negated = if self.negate { ", negated" } else { "" };
+        format!("{fold}{when}{as_long_as}{otherwise}{negated}")
+    }
+
+    /// The columns that it reads for its value.
+    pub(crate) fn columns(&self) -> &[usize] {
+        &self.columns
+    }
+
+    /// Whether it rises with its columns: then a distance in them would be rated the better the larger it is.
+    pub(crate) fn rises_with_its_columns(&self) -> bool {
+        !self.negate && !matches!(self.kind, FoldKind::Count | FoldKind::LastMinusFirst)
+    }
+
+    /// Whether it may be the same in many episodes by design: it counts, or looks only where conditions hold.
+    pub(crate) fn is_sparse(&self) -> bool {
+        self.kind == FoldKind::Count || !self.when.is_empty() || !self.as_long_as.is_empty()
+    }
+
     /// The number that all rows make.
     pub(crate) fn over(&self, rows: &Rows) -> f64 {
         let mut state = self.start();
@@ -208,12 +257,25 @@ impl Condition {
         Ok(Self { column, bound })
     }
 
+    fn words(&self, measurements: &[String]) -> String {
+        format!("{} {}", measurements[self.column], self.bound.words())
+    }
+
     fn holds(&self, row: &[f32]) -> bool {
         self.bound.holds(f64::from(row[self.column]))
     }
 }
 
 impl Bound {
+    /// Such as `above 0.5`.
+    pub(crate) fn words(self) -> String {
+        match self {
+            Self::Is(value) => format!("is {value}"),
+            Self::Above(value) => format!("above {value}"),
+            Self::Below(value) => format!("below {value}"),
+        }
+    }
+
     /// Whether the number keeps to the bound.
     pub(crate) fn holds(self, value: f64) -> bool {
         match self {
@@ -227,10 +289,8 @@ impl Bound {
 /// The column of a measurement; the error lists the measurements there are.
 pub(crate) fn column(name: &str, measurements: &[String]) -> Result<usize> {
     measurements.iter().position(|known| known == name).ok_or_else(|| {
-        Error::bad_config(format!(
-            "no measurement is called '{name}'; [measurements] has: {}",
-            measurements.join(", ")
-        ))
+        let instead = instead(name, "[measurements]", measurements);
+        Error::bad_config(format!("no measurement is called '{name}'; {instead}"))
     })
 }
 

@@ -8,6 +8,8 @@
 //! # A task of your own
 //!
 //! needs no Rust: a folder with an MJCF file, in which every actuator has a `ctrlrange`, and a `task.toml`.
+//! `demosift task check FOLDER` ([`check`]) says what it sees there and what is wrong; with `--data SET` also whether
+//! demonstrations fit. The guide `docs/guides/reacher.md` makes such a folder from nothing.
 //!
 //! ```toml
 //! name = "reach"
@@ -65,6 +67,7 @@
 //! qpos = { target = -1.0 }             # on top of [reset]; also qvel
 //! ```
 
+pub mod check;
 pub mod environment;
 pub mod film;
 mod heuristic_fold;
@@ -72,6 +75,7 @@ mod include;
 mod measurement;
 pub mod model;
 pub mod mujoco_task;
+pub mod names;
 mod observation;
 pub mod picture;
 mod quiet;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use demosift::{Error, Result};
 use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
 
-use crate::model::{Joint, Model, Point};
+use crate::model::{Joint, Kind, Model, Point};
 use crate::task_file;
 
 /// The simulation that an environment owns.
@@ -44,6 +44,42 @@ impl Measurement {
             File::Velocity(component) => Self::Velocity(model.point(&component.of)?, component.axis as usize),
             File::Contact([a, b]) => Self::Contact(model.geoms(a)?, model.geoms(b)?),
         })
+    }
+
+    /// What it is, such as `distance of hand and target, m`.
+    pub(crate) fn words(&self, model: &Model) -> String {
+        let name = |point: &Point| model.name_of(*point);
+        let joint = |found: Option<Joint>| found.map_or_else(String::new, |joint| joint.name);
+        let of_qpos = |at| joint(model.joints().into_iter().find(|joint| joint.qpos.start == at));
+        let of_qvel = |at| joint(model.joints().into_iter().find(|joint| joint.qvel.start == at));
+        let geoms = |mask: &[bool]| {
+            let names = model.called(Kind::Geom).into_iter().zip(mask).filter(|(_, is_in)| **is_in);
+            names.map(|(name, _)| name).collect::<Vec<_>>().join(", ")
+        };
+        let axis = |axis: &usize| ["x", "y", "z"][*axis];
+        match self {
+            Self::Qpos(at) => format!("position of the joint {}", of_qpos(*at)),
+            Self::Qvel(at) => format!("velocity of the joint {}", of_qvel(*at)),
+            Self::Distance(a, b) => format!("distance of {} and {}, m", name(a), name(b)),
+            Self::HorizontalDistance(a, b) => {
+                format!("distance of {} and {} seen from above, m", name(a), name(b))
+            }
+            Self::HeightAbove(a, b) => format!("height of {} above {}, m", name(a), name(b)),
+            Self::Position(of, 2) => format!("height (z) of {}, m", name(of)),
+            Self::Position(of, at) => format!("{} of {}, m", axis(at), name(of)),
+            Self::Velocity(of, at) => format!("velocity of {} along {}, m/s", name(of), axis(at)),
+            Self::Contact(a, b) => format!("1 while {} touches {}, else 0", geoms(a), geoms(b)),
+        }
+    }
+
+    /// Whether it says that things touch.
+    pub(crate) fn is_contact(&self) -> bool {
+        matches!(self, Self::Contact(..))
+    }
+
+    /// Whether it is a distance, of which less is usually better.
+    pub(crate) fn is_distance(&self) -> bool {
+        matches!(self, Self::Distance(..) | Self::HorizontalDistance(..))
     }
 
     /// The number, now.

@@ -11,6 +11,7 @@ use demosift::{Error, Result};
 use mujoco_rs::prelude::{MjModel, MjtIntegrator, MjtJoint, MjtObjBase};
 use mujoco_rs::wrappers::mj_auxiliary::MjVfs;
 
+use crate::names::instead;
 use crate::quiet::quiet;
 
 /// The largest picture that can be rendered, pixels; MuJoCo wants to know when the model is loaded.
@@ -26,6 +27,34 @@ pub(crate) struct Joint {
     pub(crate) name: String,
     pub(crate) qpos: Range<usize>,
     pub(crate) qvel: Range<usize>,
+}
+
+impl Joint {
+    /// What each of its positions is, such as `qpos elbow` or `qpos ball quaternion w`.
+    pub(crate) fn columns_of_qpos(&self) -> Vec<String> {
+        let quaternion = ["quaternion w", "quaternion x", "quaternion y", "quaternion z"];
+        match self.qpos.len() {
+            1 => vec![format!("qpos {}", self.name)],
+            4 => quaternion.iter().map(|part| format!("qpos {} {part}", self.name)).collect(),
+            _ => ["x", "y", "z"]
+                .iter()
+                .chain(&quaternion)
+                .map(|part| format!("qpos {} {part}", self.name))
+                .collect(),
+        }
+    }
+
+    /// What each of its velocities is, such as `qvel elbow` or `qvel ball turn x`.
+    pub(crate) fn columns_of_qvel(&self) -> Vec<String> {
+        let all = ["x", "y", "z", "turn x", "turn y", "turn z"];
+        match self.qvel.len() {
+            1 => vec![format!("qvel {}", self.name)],
+            // The three of a ball joint are the last ones of a free joint.
+            count => {
+                all[all.len() - count..].iter().map(|part| format!("qvel {} {part}", self.name)).collect()
+            }
+        }
+    }
 }
 
 /// A place in the model that moves with a body.
@@ -49,7 +78,7 @@ pub(crate) enum Kind {
 }
 
 impl Kind {
-    fn word(self) -> &'static str {
+    pub(crate) fn word(self) -> &'static str {
         match self {
             Self::Body => "body",
             Self::Joint => "joint",
@@ -70,8 +99,11 @@ impl Model {
     pub fn from_file(path: &Path) -> Result<Self> {
         quiet();
         if !path.is_file() {
-            let message = "there is no such file; `model` is relative to the folder of its task.toml";
-            return Err(Error::bad_input(message).at(path));
+            let beside = models_beside(path);
+            return Err(Error::bad_input(format!(
+                "there is no such file; `model` is relative to the folder of its task.toml, which has: {beside}"
+            ))
+            .at(path));
         }
         if path.to_str().is_none_or(|path| path.contains('\0')) {
             return Err(Error::bad_input("MuJoCo opens only paths that are valid UTF-8").at(path));
@@ -186,6 +218,28 @@ impl Model {
             .collect()
     }
 
+    /// The name of a place; `body 3` or the like where it has none.
+    pub(crate) fn name_of(&self, point: Point) -> String {
+        let (kind, id) = match point {
+            Point::Body(id) => (Kind::Body, id),
+            Point::Geom(id) => (Kind::Geom, id),
+            Point::Site(id) => (Kind::Site, id),
+        };
+        self.called(kind)[id].clone()
+    }
+
+    /// The names of all things of a kind, by id; `geom 3` or the like for one without.
+    pub(crate) fn called(&self, kind: Kind) -> Vec<String> {
+        let names = self.names(kind).into_iter().enumerate();
+        names.map(|(id, name)| name.unwrap_or_else(|| format!("{} {id}", kind.word()))).collect()
+    }
+
+    /// Which numbers of the position belong to slide joints.
+    pub(crate) fn slides(&self) -> Vec<usize> {
+        let kinds = self.0.jnt_type().iter().zip(self.0.jnt_qposadr());
+        kinds.filter(|(kind, _)| **kind == MjtJoint::mjJNT_SLIDE).map(|(_, at)| *at as usize).collect()
+    }
+
     /// The joint with this name.
     ///
     /// # Errors
@@ -257,11 +311,14 @@ impl Model {
     /// If an actuator has no `ctrlrange`: then [−1, 1] would mean nothing.
     pub(crate) fn control_ranges(&self) -> Result<Vec<[f64; 2]>> {
         let limited = self.0.actuator_ctrllimited();
-        if let Some(control) = limited.iter().position(|limited| !limited) {
-            let names = self.names(Kind::Actuator);
-            let name = names.get(control).cloned().flatten().unwrap_or_else(|| format!("number {control}"));
+        let without = self.called(Kind::Actuator).into_iter().zip(limited).filter(|(_, limited)| !**limited);
+        let without: Vec<String> = without.map(|(name, _)| name).collect();
+        if let [first, rest @ ..] = &without[..] {
+            let others =
+                if rest.is_empty() { String::new() } else { format!(" (nor have: {})", rest.join(", ")) };
             return Err(Error::bad_input(format!(
-                "the actuator {name} has no ctrlrange; every actuator needs one, since actions in [-1, 1] are scaled to it"
+                "the actuator {first} has no ctrlrange{others}; every actuator needs one, such as ctrlrange=\"-1 1\", since \
+                 actions in [-1, 1] are scaled to it"
             )));
         }
         if limited.is_empty() {
@@ -271,8 +328,24 @@ impl Model {
     }
 }
 
-fn unknown(kinds: &[Kind], name: &str, known: Vec<String>) -> Error {
+/// The MJCF files in the folder of a path.
+fn models_beside(path: &Path) -> String {
+    let entries = path.parent().and_then(|folder| std::fs::read_dir(folder).ok()).into_iter().flatten();
+    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let mut names: Vec<String> = names.filter(|name| name.ends_with(".xml")).collect();
+    names.sort();
+    if names.is_empty() { "no .xml file".to_owned() } else { names.join(", ") }
+}
+
+fn unknown(kinds: &[Kind], name: &str, all: Vec<String>) -> Error {
+    // A geom is often called as its body is.
+    let mut known: Vec<String> = Vec::with_capacity(all.len());
+    all.into_iter().for_each(|one| {
+        if !known.contains(&one) {
+            known.push(one)
+        }
+    });
     let kinds: Vec<_> = kinds.iter().map(|kind| kind.word()).collect();
-    let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
-    Error::bad_config(format!("no {} is called '{name}'; the model has: {known}", kinds.join(" or ")))
+    let instead = instead(name, "the model", &known);
+    Error::bad_config(format!("no {} is called '{name}'; {instead}", kinds.join(" or ")))
 }

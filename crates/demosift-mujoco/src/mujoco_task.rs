@@ -36,7 +36,7 @@ pub(crate) struct Blueprint {
     pub(crate) terms: Vec<Term>,
     pub(crate) success: Option<Success>,
     pub(crate) shaping: Option<Box<dyn RewardShaping>>,
-    heuristic: Fold,
+    pub(crate) heuristic: Fold,
     camera: Option<String>,
 }
 
@@ -97,6 +97,10 @@ impl MujocoTask {
     /// If MuJoCo has no memory for it.
     pub fn mujoco_environment(&self) -> Result<MujocoEnvironment> {
         MujocoEnvironment::new(self.0.clone())
+    }
+
+    pub(crate) fn blueprint(&self) -> &Blueprint {
+        &self.0
     }
 
     /// The model.

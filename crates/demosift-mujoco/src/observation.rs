@@ -31,6 +31,42 @@ impl Reading {
         }
     }
 
+    /// Its key in the task file.
+    pub(crate) fn key(&self) -> &'static str {
+        match self {
+            Self::Qpos(_) => "qpos",
+            Self::Qvel(_) => "qvel",
+            Self::Position(_) => "position",
+            Self::Velocity(_) => "velocity",
+            Self::ContactWrench(_) => "contact_wrench",
+            Self::Phase => "phase",
+        }
+    }
+
+    /// What each of its numbers is, such as `qpos elbow` or `position hand x`.
+    pub(crate) fn columns(&self, model: &Model) -> Vec<String> {
+        let key = self.key();
+        let of = |name: String, numbers: &[&str]| {
+            numbers.iter().map(|number| format!("{key} {name} {number}")).collect()
+        };
+        match self {
+            Self::Qpos(range) => {
+                let joints = model.joints().into_iter().filter(|joint| range.contains(&joint.qpos.start));
+                joints.flat_map(|joint| joint.columns_of_qpos()).collect()
+            }
+            Self::Qvel(range) => {
+                let joints = model.joints().into_iter().filter(|joint| range.contains(&joint.qvel.start));
+                joints.flat_map(|joint| joint.columns_of_qvel()).collect()
+            }
+            Self::Position(point) | Self::Velocity(point) => of(model.name_of(*point), &["x", "y", "z"]),
+            Self::ContactWrench(body) => {
+                let numbers = ["torque x", "torque y", "torque z", "force x", "force y", "force z"];
+                of(model.name_of(Point::Body(*body)), &numbers)
+            }
+            Self::Phase => vec![key.to_owned()],
+        }
+    }
+
     /// Writes its numbers; `phase` is the share of the episode that has passed.
     pub(crate) fn write(&self, data: &Data, phase: f64, out: &mut [f32]) {
         match self {

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use demosift::{Error, Result};
 
 use crate::mujoco_task::{MakeShaping, MujocoTask};
+use crate::names::unknown;
 use crate::{include, tasks};
 
 /// A task that is part of the program, so that an installed binary needs no files beside it.
@@ -88,8 +89,8 @@ pub fn load(name_or_path: &str) -> Result<MujocoTask> {
         return MujocoTask::from_file(&task_file(path)?);
     }
     Err(Error::bad_input(format!(
-        "no task is called '{name_or_path}'; there are: {}; or give the path of a folder with a task.toml",
-        names().join(", ")
+        "{}; or give the path of a folder with a task.toml",
+        unknown("task", name_or_path, &names())
     )))
 }
 

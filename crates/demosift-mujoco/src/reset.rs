@@ -71,6 +71,11 @@ impl Reset {
         })
     }
 
+    /// Whether a variant always starts in the same state.
+    pub(crate) fn is_noiseless(&self) -> bool {
+        self.qpos_noise.is_none() && self.qvel_noise.is_none()
+    }
+
     /// Fills position and velocity of a variant's start.
     pub(crate) fn write(&self, variant: usize, seed: Seed, qpos: &mut [f64], qvel: &mut [f64]) {
         let state = &self.states[variant];

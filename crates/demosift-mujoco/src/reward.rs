@@ -75,6 +75,16 @@ impl Term {
         }
     }
 
+    /// The term as a formula, such as `-1 · reach`.
+    pub(crate) fn words(&self, measurements: &[String]) -> String {
+        match self {
+            Self::Value { column, weight } => format!("{weight} · {}", measurements[*column]),
+            Self::Rate { column, weight, .. } => format!("{weight} · rate of {}", measurements[*column]),
+            Self::ControlCost { weight } => format!("-{weight} · |action|²"),
+            Self::Constant(value) => value.to_string(),
+        }
+    }
+
     /// The term's share in the reward of a step.
     pub(crate) fn of(&self, step: &Transition<'_>) -> f64 {
         match *self {

@@ -8,6 +8,8 @@ use demosift::{Error, Result};
 use serde::Deserialize;
 use serde::de::{MapAccess, SeqAccess, Visitor, value};
 
+use crate::names::nearest;
+
 /// A whole `task.toml`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -44,7 +46,34 @@ pub(crate) struct TaskFile {
 impl TaskFile {
     /// Reads the text of a `task.toml`.
     pub(crate) fn parse(text: &str) -> Result<Self> {
-        toml::from_str(text).map_err(|error| Error::bad_config(error.to_string().trim_end().to_owned()))
+        toml::from_str(text).map_err(|error| Error::bad_config(in_words(error.to_string().trim_end())))
+    }
+}
+
+/// What the reader of the file says, without words that only a programmer knows, and with the nearest of the names there are.
+fn in_words(said: &str) -> String {
+    let mut words = said.to_owned();
+    for (theirs, ours) in [
+        ("a nonzero u32", "a whole number of at least 1"),
+        ("a nonzero usize", "a whole number of at least 1"),
+        (
+            "unit variant, expected newtype variant",
+            "this word alone says too little, expected such as { qpos = \"all\" }",
+        ),
+        ("unknown variant", "unknown word"),
+        ("unknown field", "unknown key"),
+        ("missing field", "missing key"),
+        ("TOML parse error", "the task file is wrong"),
+    ] {
+        words = words.replace(theirs, ours);
+    }
+    let Some(at) = words.find("unknown word `").or_else(|| words.find("unknown key `")) else { return words };
+    let mut names = words[at..].split('`').skip(1).step_by(2);
+    let wrong = names.next().unwrap_or_default();
+    let known: Vec<String> = names.map(str::to_owned).collect();
+    match nearest(wrong, &known) {
+        Some(meant) => format!("{words}; did you mean `{meant}`?"),
+        None => words,
     }
 }
 

@@ -75,14 +75,21 @@ fn each_mistake_is_named_with_what_would_have_been_right() {
             r#"qpos = 3"#,
             &["invalid type: integer `3`", "a joint's name, a list of names", "qpos = 3"],
         ),
-        (r#"qpos = "all""#, r#"angle = "all""#, &["unknown variant `angle`", "`qpos`", "`contact_wrench`"]),
+        (r#"qpos = "all""#, r#"angle = "all""#, &["unknown word `angle`", "`qpos`", "`contact_wrench`"]),
         (r#"of = "x""#, r#"of = "y""#, &["heuristic: of: no measurement is called 'y'", "has: x"]),
         (r#"of = "x""#, "of = 1", &["the name of a measurement, or a list of names"]),
-        (r#"fold = "max""#, r#"fold = "best""#, &["unknown variant `best`", "`last_minus_first`"]),
-        ("horizon = 10", r#"horizon = "ten""#, &[r#"invalid type: string "ten""#, "nonzero", "horizon"]),
-        ("horizon = 10", "horizon = 0", &["invalid value: integer `0`", "nonzero"]),
-        ("horizon = 10", "horizont = 10", &["unknown field `horizont`", "`horizon`"]),
-        ("frame_skip = 2", "", &["missing field `frame_skip`"]),
+        (r#"fold = "max""#, r#"fold = "best""#, &["unknown word `best`", "`last_minus_first`"]),
+        (
+            "horizon = 10",
+            r#"horizon = "ten""#,
+            &[r#"invalid type: string "ten""#, "a whole number of at least 1", "horizon"],
+        ),
+        (r#""phase""#, r#""qvel""#, &["this word alone says too little", r#"{ qpos = "all" }"#]),
+        ("[heuristic]", "[heuristics]", &["unknown key `heuristics`", "did you mean `heuristic`?"]),
+        (r#"qpos = "slider""#, r#"qpos = "Slider""#, &["did you mean 'slider'? the model has: slider, ball"]),
+        ("horizon = 10", "horizon = 0", &["invalid value: integer `0`", "a whole number of at least 1"]),
+        ("horizon = 10", "horizont = 10", &["unknown key `horizont`", "did you mean `horizon`?"]),
+        ("frame_skip = 2", "", &["missing key `frame_skip`"]),
         (
             r#"{ qpos = "slider" }"#,
             r#"{ qpos = "ball" }"#,
@@ -226,7 +233,7 @@ fn an_unknown_task_lists_the_known_ones() {
     let error = registry::load("half_chetah").err().unwrap();
     assert!(error.is_bad_input());
     let known = registry::names().join(", ");
-    let wanted = format!("no task is called 'half_chetah'; there are: {known}");
+    let wanted = format!("no task is called 'half_chetah'; did you mean 'half_cheetah'? there are: {known}");
     assert!(error.to_string().contains(&wanted) && known.contains("half_cheetah"), "{error}");
 }
 

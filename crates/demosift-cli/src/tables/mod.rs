@@ -163,15 +163,29 @@ fn verdict(
     })
 }
 
+/// Characters of the widest line.
+const WIDTH: usize = 100;
+
 /// Lines of at most the width that tables keep to.
 pub(crate) fn wrapped(text: &str) -> String {
-    const WIDTH: usize = 100;
+    wrapped_to(text, WIDTH)
+}
+
+/// A first column, and words that keep to the right of it, in lines that end with a line break.
+pub(crate) fn hanging(first: &str, words: &str) -> String {
+    let indent = first.chars().count();
+    let lines =
+        wrapped_to(words, WIDTH.saturating_sub(indent)).replace('\n', &format!("\n{}", " ".repeat(indent)));
+    format!("{first}{lines}\n")
+}
+
+fn wrapped_to(text: &str, width: usize) -> String {
     let mut lines = vec![String::new()];
     for word in text.split(' ') {
         let line = lines.last_mut().expect("there is always one");
         if line.is_empty() {
             line.push_str(word);
-        } else if line.chars().count() + 1 + word.chars().count() <= WIDTH {
+        } else if line.chars().count() + 1 + word.chars().count() <= width {
             line.push(' ');
             line.push_str(word);
         } else {

@@ -1,0 +1,273 @@
+//! `demosift task check`: what a task is made of, whether it can be learned in, and whether demonstrations fit it.
+
+use std::time::Instant;
+
+use demosift::demonstration;
+use demosift::seed::Seed;
+use demosift::{Error, Result};
+use demosift_mujoco::check::{
+    self, Actuator, Compared, Finding, Played, Range, Recorded, Seen, Severity, StatesFrom,
+};
+use serde_json::json;
+
+use crate::arguments::{TaskCheckArguments, TaskCommand};
+use crate::tables::{self, Scale, table, wrapped};
+use crate::task::{self, Chosen};
+use crate::{demonstrations, terminal};
+
+/// Rows that a table has before it sums up.
+const SHOWN: usize = 24;
+
+const LEGEND: &str = "Misses: the share of a step's change that an action, taken in its own recorded state, does not bring \
+                      about. Drift: how far positions go from the recorded ones, rad or m, at most and as root mean \
+                      square; leaves: the first step at which it is more than 0.01.";
+
+pub(crate) fn run(command: &TaskCommand) -> Result<()> {
+    match command {
+        TaskCommand::Check(arguments) => check(arguments),
+    }
+}
+
+fn check(arguments: &TaskCheckArguments) -> Result<()> {
+    let Chosen { mujoco, name, .. } = task::choose(&arguments.task)?;
+    let Some(task) = mujoco else {
+        return Err(Error::bad_input(format!("the task '{name}' has no model that could be checked"))
+            .with_hint("give the path of a folder with a task.toml, or another one of `demosift tasks`"));
+    };
+    let (seen, mut findings) = check::look(&task);
+    let start = Instant::now();
+    let (played, more) = check::play(&task, &Seed::new(arguments.seed))?;
+    let steps_per_sec = played.steps as f64 / start.elapsed().as_secs_f64();
+    findings.extend(more);
+    let recorded = match &arguments.data {
+        None => None,
+        Some(data) => {
+            let (source, path) = demonstrations::open_unchecked(Some(data), &arguments.storage, None)?;
+            let set = source.set().map_err(|error| error.at(&path))?;
+            let states = demonstration::read_states(&path, Some(source.format))?;
+            let (recorded, more) = check::compare(&task, &set, states.as_deref())?;
+            findings.extend(more);
+            Some(recorded)
+        }
+    };
+    findings.sort_by_key(|finding| finding.severity);
+    if arguments.json {
+        terminal::show_json(&json!({
+            "task": seen,
+            "played": played,
+            "steps_per_sec": steps_per_sec,
+            "recorded": recorded,
+            "findings": findings,
+        }));
+    } else {
+        terminal::show(&summary(&seen));
+        terminal::show(&under_random_actions(&seen, &played, steps_per_sec));
+        if let Some(recorded) = &recorded {
+            terminal::show(&under_recorded_actions(&seen, recorded));
+        }
+        terminal::show(&told(&findings));
+    }
+    match check::count(&findings, Severity::Error) {
+        0 => Ok(()),
+        count => Err(Error::bad_input(format!(
+            "the check of '{}' found {}",
+            arguments.task,
+            if count == 1 { "an error".to_owned() } else { format!("{count} errors") }
+        ))),
+    }
+}
+
+fn summary(seen: &Seen) -> String {
+    let parts: Vec<String> =
+        seen.observation.iter().map(|part| format!("{} {}", part.key, part.columns.len())).collect();
+    let unit = if seen.unit.is_empty() { String::new() } else { format!(" [{}]", seen.unit) };
+    let rows = [
+        ("bodies", counted(&seen.bodies)),
+        (
+            "joints",
+            format!(
+                "{}; {} positions, {} velocities",
+                counted(&seen.joints),
+                seen.positions,
+                seen.velocities
+            ),
+        ),
+        ("cameras", counted(&seen.cameras)),
+        (
+            "control step",
+            format!(
+                "{:.4} s: {} steps of the physics of {} s",
+                seen.control_step_secs, seen.frame_skip, seen.timestep_secs
+            ),
+        ),
+        ("episode", format!("{} control steps, {:.2} s", seen.horizon, seen.episode_secs)),
+        ("observation", format!("{} numbers: {}", seen.observation_size, parts.join(", "))),
+        ("action", actuators(seen)),
+        ("variants", counted(&seen.variants)),
+        ("heuristic", format!("{}{unit}; higher is better", seen.heuristic)),
+        ("success", seen.success.clone().unwrap_or_else(|| "the task does not say".to_owned())),
+        ("reward", if seen.reward.is_empty() { "none".to_owned() } else { seen.reward.join(" + ") }),
+    ];
+    let lines = rows.iter().map(|(what, words)| tables::hanging(&format!("  {what:<12}   "), words));
+    format!("The task '{}':\n\n{}", seen.name, lines.collect::<String>())
+}
+
+/// Names with their ranges, which are said once where they are all the same.
+fn actuators(seen: &Seen) -> String {
+    let range = |actuator: &Actuator| format!("{} to {}", short(actuator.low), short(actuator.high));
+    let ranges: Vec<String> = seen.actuators.iter().map(range).collect();
+    let names: Vec<String> = seen.actuators.iter().map(|actuator| actuator.name.clone()).collect();
+    if ranges.iter().all(|range| *range == ranges[0]) {
+        return format!("{}; controls from {}", counted(&names), ranges[0]);
+    }
+    let named: Vec<String> =
+        names.iter().zip(&ranges).map(|(name, range)| format!("{name} ({range})")).collect();
+    counted(&named)
+}
+
+/// At most four decimals, and none that are 0.
+fn short(number: f64) -> String {
+    let written = format!("{number:.4}");
+    written.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// Such as `2: shoulder, elbow`.
+fn counted(names: &[String]) -> String {
+    match names.len() {
+        0 => "none".to_owned(),
+        count => format!("{count}: {}", names.join(", ")),
+    }
+}
+
+fn under_random_actions(seen: &Seen, played: &Played, steps_per_sec: f64) -> String {
+    let scale = Scale::of([played.scores.least, played.scores.greatest], &seen.unit);
+    let success = played.success.map_or(String::new(), |share| {
+        format!(", and {} of the episodes are a success", tables::percent(share))
+    });
+    let scores = if played.unstable == played.episodes {
+        "No episode could be finished.".to_owned()
+    } else {
+        format!(
+            "The heuristic is {} to {}{success}.",
+            scale.plain(played.scores.least),
+            scale.with_unit(played.scores.greatest)
+        )
+    };
+    let words = format!(
+        "{} episodes of random actions: {} control steps, {} a second on one thread.",
+        played.episodes,
+        played.steps,
+        rounded(steps_per_sec)
+    );
+    let number = |value: f64| if value.is_finite() { format!("{value:.4}") } else { "none".to_owned() };
+    let remark = |range: &Range| if range.is_constant() { "constant" } else { "" }.to_owned();
+    let row =
+        |what: String, range: &Range| vec![what, number(range.least), number(range.greatest), remark(range)];
+    let few = played.observation.len() <= SHOWN;
+    let columns = played.observation.iter().enumerate();
+    let mut rows: Vec<Vec<String>> = columns
+        .filter(|(_, range)| few || range.is_constant())
+        .take(SHOWN)
+        .map(|(column, range)| row(format!("observation {column}: {}", range.name), range))
+        .collect();
+    let rest = match played.observation.len() - rows.len() {
+        0 => String::new(),
+        rest => format!("  … and {rest} more numbers of an observation\n"),
+    };
+    let measured = seen.measurements.iter().zip(&played.measurements);
+    rows.extend(
+        measured.map(|(measured, range)| row(format!("{}: {}", measured.name, measured.what), range)),
+    );
+    format!("\n{words}\n{}\n\n{}{rest}", wrapped(&scores), table(&["what", "least", "greatest", ""], &rows))
+}
+
+/// Two digits that count.
+fn rounded(number: f64) -> String {
+    let unit = 10_f64.powf(number.max(1.0).log10().floor() - 1.0).max(1.0);
+    format!("{:.0}", (number / unit).round() * unit)
+}
+
+fn under_recorded_actions(seen: &Seen, recorded: &Recorded) -> String {
+    let words = match recorded.states {
+        StatesFrom::Recording => "The demonstrations, played again from their first recorded state:",
+        StatesFrom::Observations => "The demonstrations, played again from their first observation:",
+        StatesFrom::Nowhere => "The demonstrations:",
+    };
+    let scale = Scale::of(recorded.demonstrations.iter().filter_map(|one| one.score), &seen.unit);
+    let title = scale.title("heuristic");
+    let says = recorded.demonstrations.iter().any(|one| one.succeeded.is_some());
+    let replayed = recorded.states != StatesFrom::Nowhere;
+    let scored = recorded.demonstrations.iter().any(|one| one.score.is_some());
+    let mut header = vec!["demonstration", "steps", "max action"];
+    if replayed {
+        header.extend(scored.then_some(title.as_str()));
+        header.extend(says.then_some("success"));
+        header.extend(["misses", "drift", "rms", "leaves"]);
+    }
+    let rows: Vec<Vec<String>> = recorded
+        .demonstrations
+        .iter()
+        .enumerate()
+        .take(SHOWN)
+        .map(|(id, one)| row_of(id, one, scale, (replayed, scored, says)))
+        .collect();
+    let rest = match recorded.demonstrations.len() - rows.len() {
+        0 => String::new(),
+        rest => format!("  … and {rest} more\n"),
+    };
+    format!(
+        "\n{words}\n\n{}{rest}{}",
+        table(&header, &rows),
+        if replayed { format!("\n{}\n", wrapped(LEGEND)) } else { String::new() }
+    )
+}
+
+fn row_of(
+    id: usize,
+    one: &Compared,
+    scale: Scale<'_>,
+    (replayed, scored, says): (bool, bool, bool),
+) -> Vec<String> {
+    let mut row = vec![id.to_string(), one.steps.to_string(), format!("{:.2}", one.largest_action)];
+    if !replayed {
+        return row;
+    }
+    let unknown = || "-".to_owned();
+    if scored {
+        row.push(one.score.map_or_else(unknown, |score| scale.plain(score)));
+    }
+    if says {
+        row.push(one.succeeded.map_or_else(unknown, tables::yes_or_no));
+    }
+    row.push(one.missed.map_or_else(unknown, |missed| format!("{:.1} %", missed * 100.0)));
+    match one.drift {
+        None => row.extend([(); 3].map(|()| unknown())),
+        Some(drift) => {
+            row.extend([drift.greatest, drift.rms].map(drifted));
+            row.push(drift.left_at.map_or_else(|| "never".to_owned(), |step| format!("step {step}")));
+        }
+    }
+    row
+}
+
+/// A difference of positions, of which the size matters.
+fn drifted(off: f64) -> String {
+    match off {
+        0.0 => "0".to_owned(),
+        0.0005.. => format!("{off:.3}"),
+        _ => format!("{off:.0e}"),
+    }
+}
+
+fn told(findings: &[Finding]) -> String {
+    let lines = findings.iter().map(|finding| {
+        let severity = match finding.severity {
+            Severity::Error => "ERROR",
+            Severity::Warning => "warning",
+            Severity::Fine => "fine",
+        };
+        let advice = finding.advice.as_ref().map_or(String::new(), |advice| format!(": {advice}"));
+        tables::hanging(&format!("  {severity:<7}   "), &format!("{}{advice}", finding.message))
+    });
+    format!("\n{}", lines.collect::<String>())
+}

@@ -1,0 +1,116 @@
+//! `demosift task check` as a user runs it: on tasks that are right and wrong, with sets that fit and do not.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod support;
+
+use serde_json::Value;
+use support::{Scratch, in_repository};
+
+/// A block upon a slide, right in all but a camera.
+const MODEL: &str = "<mujoco><worldbody><body name='block'><joint name='slide' type='slide' axis='1 0 0' damping='1'/>\
+    <geom name='block' size='0.1'/></body></worldbody>\
+    <actuator><motor name='push' joint='slide' ctrlrange='-1 1'/></actuator></mujoco>";
+const TASK: &str = "name = 'block'\nmodel = 'block.xml'\nframe_skip = 10\nhorizon = 20\n\
+    observation = [{ qpos = 'all' }, { qvel = 'all' }]\nreward = [{ measurement = 'x' }]\n\
+    reset = { qpos_noise = { uniform = 0.1 } }\nmeasurements = { x = { qpos = 'slide' } }\n\
+    heuristic = { fold = 'last', of = 'x', unit = 'm' }\n";
+
+/// The folder `block` after a replacement in the task file.
+fn with_task(name: &str, old: &str, new: &str) -> Scratch {
+    let scratch = Scratch::new(name);
+    assert!(TASK.contains(old));
+    std::fs::create_dir_all(scratch.0.join("block")).unwrap();
+    std::fs::write(scratch.0.join("block/block.xml"), MODEL).unwrap();
+    std::fs::write(scratch.0.join("block/task.toml"), TASK.replace(old, new)).unwrap();
+    scratch
+}
+
+#[test]
+fn a_task_is_described_and_what_is_odd_is_told() {
+    let scratch = with_task("check", "block", "block");
+    let said = scratch.succeed("task check block");
+    for wanted in [
+        "The task 'block':",
+        "episode        20 control steps, 0.40 s",
+        "heuristic      the last x [m]; higher is better",
+        "observation 1: qvel slide",
+        "  warning   the model has no camera",
+        "  fine      the same seed gives the same bits",
+    ] {
+        assert!(said.contains(wanted), "{wanted}\n{said}");
+    }
+    assert!(said.lines().all(|line| line.chars().count() <= 100), "{said}");
+}
+
+#[test]
+fn an_error_among_the_findings_ends_with_exit_code_2_and_all_findings_are_still_told() {
+    let scratch = with_task(
+        "check-error",
+        "x = { qpos = 'slide' }",
+        "x = { position = { of = 'body:block', axis = 'z' } }",
+    );
+    let output = scratch.run("task check block");
+    let (said, complaint) =
+        (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
+    assert_eq!(output.status.code(), Some(2));
+    assert!(said.contains("  ERROR     the heuristic is 0 in all random episodes"), "{said}");
+    assert!(said.contains("  fine      the same seed"), "{said}");
+    assert_eq!(complaint, "error: the check of 'block' found an error\n");
+    let json = scratch.run("task check block --json");
+    assert_eq!(json.status.code(), Some(2));
+    let value: Value = serde_json::from_slice(&json.stdout).unwrap();
+    assert_eq!(value["findings"][0]["severity"], "error");
+    assert!(value["task"]["observation_size"] == 2 && value["steps_per_sec"].as_f64().unwrap() > 0.0);
+}
+
+#[test]
+fn a_task_that_cannot_be_loaded_is_one_error_that_names_what_is_right() {
+    for (old, new, wanted) in [
+        ("qpos = 'slide'", "qpos = 'slid'", "did you mean 'slide'? the model has: slide"),
+        ("frame_skip", "frameskip", "unknown key `frameskip`"),
+        ("frame_skip", "frameskip", "did you mean `frame_skip`?"),
+        ("block.xml", "blok.xml", "relative to the folder of its task.toml, which has: block.xml"),
+        ("heuristic = {", "# {", "missing key `heuristic`"),
+        ("fold = 'last'", "fold = 'latest'", "did you mean `last`?"),
+    ] {
+        let scratch = with_task("check-load", old, new);
+        let output = scratch.run("task check block");
+        let complaint = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && output.stdout.is_empty(), "{complaint}");
+        assert!(complaint.contains(wanted), "{new}\nwanted: {wanted}\ngot: {complaint}");
+    }
+    let scratch = Scratch::new("check-none");
+    for (task, wanted) in [
+        ("no/such/folder", "there is no such file or folder"),
+        ("half_chetah", "did you mean 'half_cheetah'?"),
+        ("set", "this folder holds no task.toml"),
+        ("point_mass", "has no model that could be checked"),
+    ] {
+        let output = scratch.run(&format!("task check {task}"));
+        let complaint = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && complaint.contains(wanted), "{complaint}");
+    }
+}
+
+#[test]
+fn a_set_is_played_again_or_found_not_to_fit() {
+    let scratch = Scratch::new("check-data");
+    let set = in_repository("data/free_throw_8");
+    let said = scratch.succeed(&format!("task check free_throw --data {}", set.display()));
+    assert!(said.contains("each recorded action leads to the next recorded state"), "{said}");
+    assert!(said.lines().all(|line| line.chars().count() <= 100), "{said}");
+    let json = scratch.succeed(&format!("task check free_throw --data {} --json", set.display()));
+    let value: Value = serde_json::from_str(&json).unwrap();
+    let demonstrations = value["recorded"]["demonstrations"].as_array().unwrap();
+    assert!(demonstrations.len() == 8 && demonstrations.iter().all(|one| one["drift"]["left_at"].is_null()));
+    let output = scratch.run(&format!("task check handstand --data {}", set.display()));
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(said.contains("ERROR"), "{said}");
+    // The point mass has no states, and another size.
+    let output = scratch.run("task check free_throw --data set");
+    let said = String::from_utf8(output.stdout).unwrap().replace('\n', " ");
+    assert!(output.status.code() == Some(2) && said.contains("the set holds no states"), "{said}");
+    assert!(said.contains("an observation of the set has 4 numbers, and one of the task 55"), "{said}");
+}

@@ -1,0 +1,76 @@
+//! Whether a task is fit to learn in, and whether demonstrations fit it: what `demosift task check` finds out.
+//!
+//! Three looks, one function each: what the task is made of ([`look`]), what random actions do in it ([`play`]), and
+//! what becomes of recorded demonstrations in it ([`compare`]).
+//! Each returns what it saw and its [`Finding`]s: what is wrong, odd, or as it should be, in words.
+//! Nothing here ranks anything, and nothing that ranks reads any of it.
+
+mod columns;
+mod dynamics;
+mod play;
+mod recorded;
+mod seen;
+
+use serde::Serialize;
+
+pub use dynamics::Drift;
+pub use play::{Played, Range, play};
+pub use recorded::{Compared, Recorded, StatesFrom, compare};
+pub use seen::{Actuator, Measured, Part, Seen, look};
+
+/// How bad a finding is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Severity {
+    /// Nothing that is learned here would mean anything.
+    Error,
+    /// It may be meant, and often is a mistake.
+    Warning,
+    /// As it should be.
+    Fine,
+}
+
+/// One thing that was found out.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Finding {
+    /// How bad it is.
+    pub severity: Severity,
+    /// What was found.
+    pub message: String,
+    /// What to do about it; `None` where nothing is to be done.
+    pub advice: Option<String>,
+}
+
+impl Finding {
+    fn error(message: impl Into<String>, advice: impl Into<String>) -> Self {
+        Self { severity: Severity::Error, message: message.into(), advice: Some(advice.into()) }
+    }
+
+    fn warning(message: impl Into<String>, advice: impl Into<String>) -> Self {
+        Self { severity: Severity::Warning, message: message.into(), advice: Some(advice.into()) }
+    }
+
+    fn fine(message: impl Into<String>) -> Self {
+        Self { severity: Severity::Fine, message: message.into(), advice: None }
+    }
+}
+
+/// How many findings are of a severity.
+pub fn count(findings: &[Finding], severity: Severity) -> usize {
+    findings.iter().filter(|finding| finding.severity == severity).count()
+}
+
+/// `1 episode`, `2 episodes`.
+fn several(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
+
+/// The first few of a list, and how many more there are.
+fn first_few(names: &[String]) -> String {
+    const FEW: usize = 6;
+    let shown = names.iter().take(FEW).cloned().collect::<Vec<_>>().join(", ");
+    match names.len().saturating_sub(FEW) {
+        0 => shown,
+        more => format!("{shown} and {more} more"),
+    }
+}

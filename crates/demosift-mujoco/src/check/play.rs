@@ -1,0 +1,363 @@
+//! What random actions do in a task: whether the simulation holds, what varies, and whether the heuristic can tell episodes apart.
+//!
+//! In every other episode each action is held for a tenth of the episode, since a heavy robot hardly follows actions that are
+//! drawn anew at every step.
+
+use demosift::Result;
+use demosift::environment::{EnvVariant, Environment as _, Specification, Task as _};
+use demosift::rows::Rows;
+use demosift::seed::{Rng, Seed};
+use rand::RngExt;
+use serde::Serialize;
+
+use super::{Finding, first_few, several};
+use crate::environment::MujocoEnvironment;
+use crate::model::Kind;
+use crate::mujoco_task::MujocoTask;
+
+/// Control steps that are played at least.
+const STEPS: usize = 5_000;
+/// Episodes that are played at least.
+const EPISODES: usize = 10;
+/// Control steps after which an actuator that does something has shown it.
+const PUSHED: usize = 10;
+/// How far geoms may be inside each other as an episode starts, m: more is thrown apart by the physics.
+const DEEP: f64 = 0.02;
+
+/// What came of random actions.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Played {
+    /// Episodes, spread evenly over the variants.
+    pub episodes: usize,
+    /// Control steps of all episodes, up to where a simulation became unstable.
+    pub steps: usize,
+    /// Episodes in which the simulation became unstable.
+    pub unstable: usize,
+    /// What MuJoCo warned of, and in how many episodes.
+    pub warnings: Vec<(String, usize)>,
+    /// One entry for each number of an observation.
+    pub observation: Vec<Range>,
+    /// One entry for each measurement.
+    pub measurements: Vec<Range>,
+    /// Heuristics of the episodes that were stable.
+    pub scores: Range,
+    /// Share of the stable episodes that succeeded; `None` if the task does not say.
+    pub success: Option<f64>,
+    /// Actuators of which the agent sees no effect.
+    pub without_effect: Vec<String>,
+    /// Whether the same seed gave the same bits, in a new simulation and in one with a past.
+    pub repeats: bool,
+}
+
+/// The values that a number took.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Range {
+    /// What the number is.
+    pub name: String,
+    /// The least finite value; infinite if there was none.
+    pub least: f64,
+    /// The greatest finite value; infinite if there was none.
+    pub greatest: f64,
+}
+
+impl Range {
+    fn of(name: impl Into<String>) -> Self {
+        Self { name: name.into(), least: f64::INFINITY, greatest: f64::NEG_INFINITY }
+    }
+
+    fn add(&mut self, value: f64) {
+        if value.is_finite() {
+            self.least = self.least.min(value);
+            self.greatest = self.greatest.max(value);
+        }
+    }
+
+    /// Whether the number never changed.
+    pub fn is_constant(&self) -> bool {
+        self.least >= self.greatest
+    }
+}
+
+/// An episode of random actions, up to where the simulation became unstable.
+struct Episode {
+    observations: Rows,
+    measurements: Rows,
+    unstable: bool,
+    warnings: Vec<&'static str>,
+}
+
+/// Plays random actions in whole episodes, at least ten of them.
+///
+/// # Errors
+/// If MuJoCo has no memory for a simulation.
+pub fn play(task: &MujocoTask, seed: &Seed) -> Result<(Played, Vec<Finding>)> {
+    let specification = task.specification();
+    let variants = specification.variants.len();
+    let count = STEPS.div_ceil(specification.horizon).max(EPISODES).next_multiple_of(variants);
+    let mut environment = task.mujoco_environment()?;
+    let episodes: Vec<Episode> =
+        (0..count).map(|number| episode(specification, &mut environment, seed, number)).collect();
+    let again = [episode(specification, &mut environment, seed, 0), {
+        episode(specification, &mut task.mujoco_environment()?, seed, 0)
+    }];
+    let repeats = again.iter().all(|again| {
+        let bits = |rows: &Rows| rows.flat().iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+        bits(&again.observations) == bits(&episodes[0].observations)
+            && bits(&again.measurements) == bits(&episodes[0].measurements)
+    });
+    let overlaps = (0..variants).flat_map(|variant| overlaps(&mut environment, seed, variant));
+    let overlaps: Vec<String> = overlaps.collect();
+    let without_effect = without_effect(task, &mut environment, seed);
+    let played = Played { without_effect, repeats, ..sum_up(task, &episodes) };
+    let findings = findings(task, &played, &overlaps);
+    Ok((played, findings))
+}
+
+fn episode(
+    specification: &Specification,
+    environment: &mut MujocoEnvironment,
+    seed: &Seed,
+    number: usize,
+) -> Episode {
+    let mut observation = vec![0.0; specification.observation_size];
+    let mut now = vec![0.0; specification.measurements.len()];
+    let mut rng = seed.of("actions").at(number).into_rng();
+    let hold = if number % 2 == 1 { specification.horizon.div_ceil(10) } else { 1 };
+    let variant = EnvVariant(number % specification.variants.len());
+    environment.reset(variant, seed.of("reset").at(number), &mut observation, &mut now);
+    let mut observations = Rows::with_capacity(observation.len(), specification.horizon + 1);
+    let mut measurements = Rows::with_capacity(now.len(), specification.horizon + 1);
+    observations.push(&observation);
+    measurements.push(&now);
+    let mut action = vec![0.0; specification.action_size];
+    for step in 0..specification.horizon {
+        if step.is_multiple_of(hold) {
+            draw(&mut action, &mut rng);
+        }
+        environment.step(&action, &mut observation, &mut now);
+        if environment.is_unstable() {
+            break;
+        }
+        observations.push(&observation);
+        measurements.push(&now);
+    }
+    Episode {
+        observations,
+        measurements,
+        unstable: environment.is_unstable(),
+        warnings: environment.warnings_by_kind().into_iter().map(|(words, _)| words).collect(),
+    }
+}
+
+fn draw(action: &mut [f32], rng: &mut Rng) {
+    action.iter_mut().for_each(|value| *value = rng.random_range(-1.0..1.0));
+}
+
+/// Pairs of geoms that are inside each other as an episode of the variant starts.
+fn overlaps(environment: &mut MujocoEnvironment, seed: &Seed, variant: usize) -> Vec<String> {
+    let specification = environment.task().specification.clone();
+    let mut observation = vec![0.0; specification.observation_size];
+    let mut now = vec![0.0; specification.measurements.len()];
+    environment.reset(EnvVariant(variant), seed.of("overlaps").at(variant), &mut observation, &mut now);
+    let names = environment.model().called(Kind::Geom);
+    let deep = environment.data().contact().iter().filter(|contact| contact.dist < -DEEP);
+    let pairs = deep.filter_map(|contact| {
+        let [Ok(one), Ok(other)] = contact.geom.map(usize::try_from) else { return None };
+        let under = if specification.variants.len() > 1 {
+            format!(" under '{}'", specification.variants[variant])
+        } else {
+            String::new()
+        };
+        Some(format!("{} and {} by {:.3} m{under}", names[one], names[other], -contact.dist))
+    });
+    pairs.collect()
+}
+
+/// Actuators for which −1 and 1 lead to the same observations, bit for bit.
+fn without_effect(task: &MujocoTask, environment: &mut MujocoEnvironment, seed: &Seed) -> Vec<String> {
+    let specification = task.specification();
+    let mut seen = |control: usize, value: f32| {
+        let mut observation = vec![0.0; specification.observation_size];
+        let mut now = vec![0.0; specification.measurements.len()];
+        environment.reset(EnvVariant(0), seed.of("effect").at(0), &mut observation, &mut now);
+        let mut action = vec![0.0; specification.action_size];
+        action[control] = value;
+        let mut seen = Vec::new();
+        for _ in 0..PUSHED {
+            environment.step(&action, &mut observation, &mut now);
+            seen.extend(observation.iter().chain(&now).map(|value| value.to_bits()));
+        }
+        seen
+    };
+    let names = task.model().called(Kind::Actuator).into_iter().enumerate();
+    names.filter(|(control, _)| seen(*control, -1.0) == seen(*control, 1.0)).map(|(_, name)| name).collect()
+}
+
+/// Everything but `without_effect` and `repeats`, which the episodes do not tell.
+fn sum_up(task: &MujocoTask, episodes: &[Episode]) -> Played {
+    let columns = task.blueprint().observation.iter().flat_map(|reading| reading.columns(task.model()));
+    let mut observation: Vec<Range> = columns.map(Range::of).collect();
+    let mut measurements: Vec<Range> = task.specification().measurements.iter().map(Range::of).collect();
+    let mut scores = Range::of("heuristic");
+    let mut warnings: Vec<(String, usize)> = Vec::new();
+    let (mut stable, mut succeeded) = (0, 0);
+    for episode in episodes {
+        for (ranges, rows) in
+            [(&mut observation, &episode.observations), (&mut measurements, &episode.measurements)]
+        {
+            for row in rows.iter() {
+                ranges.iter_mut().zip(row).for_each(|(range, value)| range.add(f64::from(*value)));
+            }
+        }
+        for words in &episode.warnings {
+            match warnings.iter_mut().find(|(known, _)| known == words) {
+                Some((_, count)) => *count += 1,
+                None => warnings.push(((*words).to_owned(), 1)),
+            }
+        }
+        if !episode.unstable {
+            stable += 1;
+            scores.add(task.heuristic().score(&episode.measurements));
+            succeeded += usize::from(task.succeeded(&episode.measurements) == Some(true));
+        }
+    }
+    let says = task.blueprint().success.is_some() && stable > 0;
+    Played {
+        episodes: episodes.len(),
+        steps: episodes.iter().map(|episode| episode.observations.len() - 1).sum(),
+        unstable: episodes.len() - stable,
+        warnings,
+        observation,
+        measurements,
+        scores,
+        success: says.then(|| succeeded as f64 / stable as f64),
+        without_effect: Vec::new(),
+        repeats: true,
+    }
+}
+
+fn findings(task: &MujocoTask, played: &Played, overlaps: &[String]) -> Vec<Finding> {
+    let mut findings = physics(played, overlaps);
+    findings.extend(what_is_seen(task, played));
+    if played.unstable < played.episodes {
+        findings.extend(heuristic(task, played));
+    }
+    findings
+}
+
+fn physics(played: &Played, overlaps: &[String]) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let episodes = several(played.episodes, "episode");
+    let kinds: Vec<&str> = played.warnings.iter().map(|(words, _)| words.as_str()).collect();
+    if played.unstable > 0 {
+        findings.push(Finding::error(
+            format!(
+                "the simulation became unstable in {} of {episodes} of random actions: {}",
+                played.unstable,
+                kinds.join("; ")
+            ),
+            "try a smaller timestep (and a larger frame_skip), integrator=\"implicitfast\", more damping or armature, or \
+             weaker actuators",
+        ));
+    } else if played.warnings.is_empty() {
+        findings.push(Finding::fine(format!(
+            "the simulation is stable and without warnings in {episodes} of random actions"
+        )));
+    } else {
+        findings.push(Finding::warning(
+            format!("MuJoCo warned in {episodes} of random actions: {}", kinds.join("; ")),
+            "the physics is not quite what the model asks for; mend the model",
+        ));
+    }
+    if !overlaps.is_empty() {
+        findings.push(Finding::warning(
+            format!("geoms are inside each other as an episode starts: {}", first_few(overlaps)),
+            "move them apart in [reset], or <exclude> the pair in the model; the physics throws them apart",
+        ));
+    }
+    findings.push(if played.repeats {
+        Finding::fine("the same seed gives the same bits")
+    } else {
+        Finding::error(
+            "the same seed does not give the same bits",
+            "runs of this task could not be repeated; a plugin of the model may keep a state of its own",
+        )
+    });
+    if !played.without_effect.is_empty() {
+        findings.push(Finding::warning(
+            format!(
+                "full control either way changes nothing that is observed or measured: {}",
+                first_few(&played.without_effect)
+            ),
+            "see whether the actuator moves the right joint, its gear is not 0, and the agent sees that joint",
+        ));
+    }
+    findings
+}
+
+fn what_is_seen(task: &MujocoTask, played: &Played) -> Vec<Finding> {
+    let constant = |ranges: &[Range]| -> Vec<String> {
+        ranges.iter().filter(|range| range.is_constant()).map(|range| range.name.clone()).collect()
+    };
+    let mut findings = Vec::new();
+    let still = constant(&played.observation);
+    findings.push(match still.len() {
+        0 => Finding::fine(format!("each of the {} numbers of an observation varies", played.observation.len())),
+        count => Finding::warning(
+            format!("{count} of the {} numbers of an observation never changed: {}", played.observation.len(), first_few(&still)),
+            "they tell the agent nothing; leave them out unless demonstrations bring them, or random actions rarely get there",
+        ),
+    });
+    let still = constant(&played.measurements);
+    let is_contact = |name: &String| {
+        let column = task.specification().measurements.iter().position(|known| known == name);
+        column.is_some_and(|column| task.blueprint().measurements[column].is_contact())
+    };
+    let (contacts, others): (Vec<String>, Vec<String>) = still.into_iter().partition(is_contact);
+    if !contacts.is_empty() {
+        findings.push(Finding::fine(format!(
+            "contacts that neither began nor ended, as may be in random episodes: {}",
+            first_few(&contacts)
+        )));
+    }
+    if !others.is_empty() {
+        findings.push(Finding::warning(
+            format!("measurements that never changed: {}", first_few(&others)),
+            "see whether they name the right places, which something can move",
+        ));
+    }
+    if task.blueprint().reset.is_noiseless() {
+        findings.push(Finding::warning(
+            "every episode of a variant starts in the same state",
+            "give [reset] a qpos_noise or qvel_noise, as the demonstrations have: a policy that knows one start only is \
+             judged by it",
+        ));
+    }
+    findings
+}
+
+fn heuristic(task: &MujocoTask, played: &Played) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let Range { least, greatest, .. } = played.scores;
+    let sparse = task.blueprint().heuristic.is_sparse();
+    findings.push(if !played.scores.is_constant() {
+        Finding::fine("the heuristic tells random episodes apart")
+    } else if sparse {
+        Finding::warning(
+            format!("the heuristic is {least} in all random episodes"),
+            "nothing can be ranked until agents differ in it; see whether its conditions can hold",
+        )
+    } else {
+        Finding::error(
+            format!("the heuristic is {greatest} in all random episodes, whatever was done"),
+            "see whether its measurement belongs to something that the agent moves",
+        )
+    });
+    if played.success == Some(1.0) {
+        findings.push(Finding::warning(
+            "every random episode is a success, so success tells nothing",
+            "see whether [success] has the right bound, and `above` or `below` the right way round",
+        ));
+    }
+    findings
+}

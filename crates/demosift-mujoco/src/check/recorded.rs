@@ -1,0 +1,330 @@
+//! What becomes of recorded demonstrations in a task: sizes, actions, observations, and their actions played again.
+
+use demosift::Result;
+use demosift::demonstration::DemonstrationSet;
+use demosift::environment::{Specification, Task as _};
+use demosift::heuristic::Score;
+use demosift::rows::Rows;
+use demosift::trajectory::StateLog;
+use serde::Serialize;
+
+use super::{Drift, Finding, Severity, columns, dynamics, several};
+use crate::mujoco_task::MujocoTask;
+use crate::observation::Reading;
+use crate::replay;
+
+/// Where the simulator's states of demonstrations are known from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StatesFrom {
+    /// The set holds them.
+    Recording,
+    /// The task observes every velocity, and every position but those of slides, such as how far a runner has come.
+    Observations,
+    /// They are not known, so nothing is played again.
+    Nowhere,
+}
+
+/// A set in a task.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Recorded {
+    /// Where the states are known from.
+    pub states: StatesFrom,
+    /// One entry for each demonstration, in file order.
+    pub demonstrations: Vec<Compared>,
+}
+
+/// A demonstration in a task.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Compared {
+    /// T.
+    pub steps: usize,
+    /// Numbers of its actions outside [−1, 1], which are clipped.
+    pub outside: usize,
+    /// The largest number of its actions, without sign.
+    pub largest_action: f64,
+    /// The share of a step's change that its actions miss, each taken in its own recorded state: 0 is the same physics, 1 as
+    /// good as no prediction; `None` without states.
+    pub missed: Option<f64>,
+    /// How far its actions, played again from its first state, go from what was recorded; `None` without states.
+    pub drift: Option<Drift>,
+    /// The task's heuristic of what was recorded; `None` without states.
+    pub score: Option<Score>,
+    /// Whether it was a success; `None` without states, or if the task does not say.
+    pub succeeded: Option<bool>,
+}
+
+/// Holds a set against a task; `states` are the simulator's of each demonstration, where the set has them.
+///
+/// # Errors
+/// If MuJoCo has no memory for a simulation. What is wrong with the set is a finding.
+pub fn compare(
+    task: &MujocoTask,
+    set: &DemonstrationSet,
+    states: Option<&[StateLog]>,
+) -> Result<(Recorded, Vec<Finding>)> {
+    let specification = task.specification();
+    let compared = set.iter().map(|(_, demonstration)| {
+        let numbers = demonstration.actions().flat();
+        Compared {
+            steps: demonstration.steps(),
+            outside: numbers.iter().filter(|number| number.abs() > 1.0).count(),
+            largest_action: numbers.iter().fold(0.0, |largest, number| f64::from(number.abs()).max(largest)),
+            missed: None,
+            drift: None,
+            score: None,
+            succeeded: None,
+        }
+    });
+    let mut recorded = Recorded { states: StatesFrom::Nowhere, demonstrations: compared.collect() };
+    let mut findings: Vec<Finding> = lengths(specification, &recorded).into_iter().collect();
+    let made = match states {
+        Some(_) => None,
+        None => states_in_observations(task, set),
+    };
+    recorded.states = match (states, &made) {
+        (Some(_), _) => StatesFrom::Recording,
+        (None, Some(_)) => StatesFrom::Observations,
+        (None, None) => StatesFrom::Nowhere,
+    };
+    let hidden: &[usize] = made.as_ref().map_or(&[], |made| &made.hidden);
+    let Some(states) = states.or(made.as_ref().map(|made| &made.states[..])) else {
+        findings.push(Finding::warning(
+            "the set holds no states of the simulator, so nothing is played again and no observation is checked",
+            "record `qpos` and `qvel` beside the observations, if you can: docs/formats.md says where",
+        ));
+        findings.extend(sizes(task, set, false));
+        findings.push(actions(set, &recorded));
+        return Ok((recorded, findings));
+    };
+    match replay_all(task, set, (states, hidden), &mut recorded) {
+        Ok(more) => {
+            findings.extend(sizes(task, set, true));
+            findings.extend(more);
+        }
+        Err(error) => {
+            findings.extend(sizes(task, set, false));
+            findings.push(Finding::error(
+                error.to_string(),
+                "the states are of another model: see whether the set was recorded in this one",
+            ));
+        }
+    }
+    findings.push(actions(set, &recorded));
+    Ok((recorded, findings))
+}
+
+/// Where states were replayed, [`columns::compare`] has said more of observations of another size.
+fn sizes(task: &MujocoTask, set: &DemonstrationSet, replayed: bool) -> Vec<Finding> {
+    let specification = task.specification();
+    let sizes = [
+        ("an observation", set.observation_size(), specification.observation_size, "`observation`"),
+        ("an action", set.action_size(), specification.action_size, "the model's actuators"),
+    ];
+    let wrong = sizes.into_iter().filter(|(_, found, wanted, _)| found != wanted);
+    if wrong.clone().next().is_none() {
+        return vec![Finding::fine(format!(
+            "{} with {} observed numbers and {} actions fit the task",
+            several(set.len(), "demonstration"),
+            set.observation_size(),
+            set.action_size()
+        ))];
+    }
+    wrong
+        .filter(|(_, _, _, whose)| !replayed || *whose != "`observation`")
+        .map(|(what, found, wanted, whose)| {
+            let message = format!("{what} of the set has {found} numbers, and one of the task {wanted}");
+            let parts = if whose == "`observation`" { format!(" ({})", widths(task)) } else { String::new() };
+            Finding::error(
+                message,
+                format!(
+                    "change {whose}{parts}, or name other columns of the set; `demosift inspect` shows them"
+                ),
+            )
+        })
+        .collect()
+}
+
+/// Such as `qpos 2, qvel 2, phase 1`.
+fn widths(task: &MujocoTask) -> String {
+    let mut widths: Vec<(&str, usize)> = Vec::new();
+    for reading in &task.blueprint().observation {
+        match widths.last_mut() {
+            Some((key, width)) if *key == reading.key() => *width += reading.width(),
+            _ => widths.push((reading.key(), reading.width())),
+        }
+    }
+    widths.iter().map(|(key, width)| format!("{key} {width}")).collect::<Vec<_>>().join(", ")
+}
+
+fn actions(set: &DemonstrationSet, recorded: &Recorded) -> Finding {
+    let sum = |of: fn(&Compared) -> usize| recorded.demonstrations.iter().map(of).sum::<usize>();
+    let outside = sum(|one| one.outside);
+    if outside == 0 {
+        return Finding::fine("all actions are within [-1, 1]");
+    }
+    let numbers = sum(|one| one.steps) * set.action_size();
+    let largest = recorded.demonstrations.iter().map(|one| one.largest_action).fold(0.0, f64::max);
+    let share = outside as f64 / numbers as f64 * 100.0;
+    let message = format!("{share:.1} % of the numbers of actions are outside [-1, 1], up to {largest:.2}");
+    // What was clipped then and is clipped now leads to the same states.
+    let physics = recorded.demonstrations.iter().map(|one| one.missed);
+    if physics.clone().all(|missed| missed.is_some_and(dynamics::is_same_physics)) {
+        return Finding::fine(format!("{message}; they are clipped, as they were when they were recorded"));
+    }
+    Finding::warning(
+        format!("{message}; they are clipped"),
+        "fine for a policy that draws its actions; if they are controls in the units of ctrlrange, scale them",
+    )
+}
+
+fn lengths(task: &Specification, recorded: &Recorded) -> Option<Finding> {
+    let others = recorded.demonstrations.iter().filter(|one| one.steps != task.horizon);
+    let lengths: Vec<usize> = others.map(|one| one.steps).collect();
+    let (least, most) = (lengths.iter().min()?, lengths.iter().max()?);
+    let span = if least == most { least.to_string() } else { format!("{least} to {most}") };
+    Some(Finding::warning(
+        format!(
+            "{} of {} have {span} steps, and an episode of the task {}",
+            lengths.len(),
+            several(recorded.demonstrations.len(), "demonstration"),
+            task.horizon
+        ),
+        "an agent plays the task's length, whatever it imitates; see whether `horizon` is what you mean",
+    ))
+}
+
+/// States of each demonstration, and which positions in them are not known.
+struct Made {
+    states: Vec<StateLog>,
+    hidden: Vec<usize>,
+}
+
+/// The states out of observations that hold every velocity, and every position but those of slides.
+///
+/// Where a slide stands hardly ever matters to the physics: a runner runs everywhere alike. Unknown ones stand at 0.
+fn states_in_observations(task: &MujocoTask, set: &DemonstrationSet) -> Option<Made> {
+    if set.observation_size() != task.specification().observation_size {
+        return None;
+    }
+    let model = task.model().mujoco();
+    let (mut qpos, mut qvel) = (vec![None; model.nq() as usize], vec![None; model.nv() as usize]);
+    let mut first = 0;
+    for reading in &task.blueprint().observation {
+        if let Reading::Qpos(range) = reading {
+            range.clone().enumerate().for_each(|(offset, at)| qpos[at] = Some(first + offset));
+        }
+        if let Reading::Qvel(range) = reading {
+            range.clone().enumerate().for_each(|(offset, at)| qvel[at] = Some(first + offset));
+        }
+        first += reading.width();
+    }
+    let hidden: Vec<usize> = (0..qpos.len()).filter(|at| qpos[*at].is_none()).collect();
+    let slides = task.model().slides();
+    if hidden.len() == qpos.len() || qvel.contains(&None) || !hidden.iter().all(|at| slides.contains(at)) {
+        return None;
+    }
+    let pick = |rows: &Rows, columns: &[Option<usize>]| -> Vec<f64> {
+        let number =
+            |row: &[f32], column: &Option<usize>| column.map_or(0.0, |column| f64::from(row[column]));
+        rows.iter()
+            .flat_map(|row| columns.iter().map(|column| number(row, column)).collect::<Vec<_>>())
+            .collect()
+    };
+    let states = set.iter().map(|(_, demonstration)| {
+        let rows = demonstration.observations();
+        StateLog { qpos: pick(rows, &qpos), qvel: pick(rows, &qvel) }
+    });
+    Some(Made { states: states.collect(), hidden })
+}
+
+/// Fills in what the states tell, as far as sizes allow.
+fn replay_all(
+    task: &MujocoTask,
+    set: &DemonstrationSet,
+    (states, hidden): (&[StateLog], &[usize]),
+    recorded: &mut Recorded,
+) -> Result<Vec<Finding>> {
+    let mut findings = Vec::new();
+    let mut same_physics = false;
+    for ((id, demonstration), states) in set.iter().zip(states) {
+        replay::Replay::new(task, states, demonstration.steps())
+            .map_err(|error| error.during(&format!("demonstration {id}")))?;
+    }
+    if recorded.states == StatesFrom::Recording {
+        let episodes: Vec<columns::Episode<'_>> = set
+            .iter()
+            .zip(states)
+            .map(|((_, one), states)| columns::Episode { observations: one.observations(), states })
+            .collect();
+        findings.extend(columns::compare(task, &episodes)?);
+    } else {
+        let but = if hidden.is_empty() { "" } else { " that matters" };
+        findings.push(Finding::fine(format!(
+            "the task observes every position{but} and velocity, so states are taken from the observations"
+        )));
+    }
+    if set.action_size() != task.specification().action_size {
+        return Ok(findings);
+    }
+    let episodes: Vec<dynamics::Episode<'_>> = set
+        .iter()
+        .zip(states)
+        .map(|((_, one), states)| dynamics::Episode { actions: one.actions(), states, hidden })
+        .collect();
+    let mut environment = task.mujoco_environment()?;
+    for (episode, compared) in episodes.iter().zip(&mut recorded.demonstrations) {
+        compared.drift = Some(dynamics::drift(&mut environment, *episode)?);
+        if !hidden.is_empty() {
+            // What is measured may depend on what is not known.
+            continue;
+        }
+        if let Ok(rows) = replay::measurements(task, episode.states, episode.actions) {
+            compared.score = Some(task.heuristic().score(&rows));
+            compared.succeeded = task.succeeded(&rows);
+        }
+    }
+    let misses = dynamics::misses(&mut environment, &episodes)?;
+    recorded.demonstrations.iter_mut().zip(&misses).for_each(|(one, missed)| one.missed = *missed);
+    if let Some(mut finding) = dynamics::judge(&mut environment, &episodes, &misses)? {
+        same_physics = finding.severity == Severity::Fine;
+        if let (StatesFrom::Observations, Some(advice)) = (recorded.states, &mut finding.advice) {
+            *advice += "; or the numbers of the set stand in another order than those of `observation`";
+        }
+        findings.push(finding);
+    }
+    findings.extend(drifts(recorded, same_physics));
+    findings.extend(scores(recorded));
+    Ok(findings)
+}
+
+fn drifts(recorded: &Recorded, same_physics: bool) -> Option<Finding> {
+    let left = recorded.demonstrations.iter().filter_map(|one| one.drift.as_ref()?.left_at);
+    let count = recorded.demonstrations.len();
+    let (left, first) = (left.clone().count(), left.min());
+    let Some(first) = first else {
+        return Some(Finding::fine(format!(
+            "played again from its first state, no demonstration leaves its recorded positions by more than {}",
+            dynamics::LEFT
+        )));
+    };
+    // Where the physics is another one, that has been said.
+    same_physics.then(|| {
+        Finding::fine(format!(
+            "played again from their first states, {left} of {count} demonstrations leave their recorded positions by more \
+             than {}, the first after {first} steps: small differences grow, above all with contacts",
+            dynamics::LEFT
+        ))
+    })
+}
+
+fn scores(recorded: &Recorded) -> Option<Finding> {
+    let scores: Vec<Score> = recorded.demonstrations.iter().filter_map(|one| one.score).collect();
+    let first = *scores.first()?;
+    (scores.len() > 1 && scores.iter().all(|score| *score == first)).then(|| {
+        Finding::warning(
+            format!("the heuristic of every recorded demonstration is {first}"),
+            "either all of them are equally good, or the heuristic does not see what differs",
+        )
+    })
+}
