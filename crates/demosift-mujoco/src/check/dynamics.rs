@@ -13,8 +13,8 @@ use crate::environment::MujocoEnvironment;
 
 /// Positions of a replay may differ by this much, rad or m, before it counts as having left the recording.
 pub(super) const LEFT: f64 = 0.01;
-/// Share of a step's change that a replay may miss: contact solvers start from what no recording holds, and a recording by
-/// another release of MuJoCo misses up to 3 % of it (the public HalfCheetah set).
+/// Share of a step's change that a replay may miss: contact solvers start from what no recording holds, and the public HalfCheetah
+/// set, recorded elsewhere and in f32, misses up to 3 % of it.
 const SAME_PHYSICS: f64 = 0.05;
 /// From here on the physics is another one.
 const OTHER_PHYSICS: f64 = 0.2;
