@@ -48,6 +48,21 @@ pub(crate) enum Command {
     Tasks(TasksArguments),
 }
 
+impl Command {
+    /// What it says of a run, if it is one that keeps a run folder and can go on.
+    pub(crate) fn run(&self) -> Option<&RunArguments> {
+        match self {
+            Self::Sift(job) | Self::MetaTrain(job) | Self::Judge(job) | Self::Select(job) | Self::Weigh(job) => {
+                Some(&job.run)
+            }
+            Self::Imitate(arguments) => Some(&arguments.job.run),
+            Self::Oracle(arguments) => Some(&arguments.job.run),
+            Self::Record(arguments) => Some(&arguments.run),
+            _ => None,
+        }
+    }
+}
+
 /// What every stage of the job needs.
 #[derive(Debug, Args)]
 pub(crate) struct JobArguments {

@@ -4,6 +4,7 @@ mod arguments;
 mod commands;
 mod configuration;
 mod demonstrations;
+mod interruption;
 mod job;
 mod metrics_file;
 mod own_heuristic;
@@ -33,6 +34,7 @@ fn main() -> ExitCode {
             return if error.print().is_ok() { ExitCode::from(code) } else { ExitCode::from(FAILURE) };
         }
     };
+    interruption::listen(typed.command.run().is_some());
     match commands::run(typed.command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -11,6 +11,8 @@ use std::path::{Path, PathBuf};
 use demosift::{Error, Result};
 use serde_json::{Value, json};
 
+use crate::interruption::undisturbed;
+
 /// Which measurement a row is: stage, part, iteration.
 type Row = (String, String, u64);
 
@@ -59,8 +61,7 @@ impl MetricsFile {
             line += &format!(",{}:{}", json!(name), json!(value));
         }
         line += "}\n";
-        self.file
-            .write_all(line.as_bytes())
+        undisturbed(|| self.file.write_all(line.as_bytes()))
             .map_err(|source| Error::io("cannot write the metrics", &self.path, &source))
     }
 }

@@ -4,8 +4,9 @@
 
 mod support;
 
+use std::io::Read as _;
 use std::path::Path;
-use std::process::Stdio;
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use demosift::demonstration::d4rl;
@@ -97,17 +98,54 @@ fn a_run_that_was_killed_resumes_to_the_identical_result() {
     assert_same_files(&scratch.files("whole"), &scratch.files("killed"));
 }
 
+#[test]
+fn a_run_that_was_interrupted_says_how_it_goes_on_to_the_identical_result() {
+    let scratch = Scratch::new("interrupted");
+    let job = format!("sift set {TASK} --set meta_train.rounds=30 --set imitate.environment_steps=30000");
+    scratch.succeed(&format!("{job} --out whole"));
+    let mut typed = format!("{job} --out stopped");
+    for (signal, code, checkpoint) in [
+        ("INT", 130, "checkpoint_meta_train.bin"),
+        ("TERM", 143, "checkpoint_judge.bin"),
+        ("INT", 130, "checkpoint_imitate_all.bin"),
+    ] {
+        let mut child = started(&scratch, &typed, &scratch.0.join("stopped").join(checkpoint));
+        let killed = Command::new("sh").args(["-c", &format!("kill -{signal} {}", child.id())]).status();
+        assert!(killed.unwrap().success());
+        let mut said = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(code), "{said}");
+        assert!(said.starts_with("stopped: what is finished is kept in the run folder stopped\n"), "{said}");
+        // What it says to type is what is typed next.
+        let command = said.lines().nth(1).unwrap().strip_prefix("hint: go on with: ").unwrap();
+        typed = command.strip_prefix(env!("CARGO_BIN_EXE_demosift")).unwrap().to_owned();
+        assert!(typed.ends_with(" --out stopped --resume"), "{typed}");
+        let files = scratch.files("stopped");
+        assert!(!files.keys().any(|name| name.contains("partial")), "{:?}", files.keys());
+        assert!(files["metrics.jsonl"].ends_with(b"\n"), "the last line is whole");
+    }
+    scratch.succeed(&typed);
+    assert_same_files(&scratch.files("whole"), &scratch.files("stopped"));
+}
+
 /// Runs until the file appears, then kills without warning.
 fn kill_after(scratch: &Scratch, arguments: &str, file: &Path) {
-    let mut child = scratch.command(arguments).stdout(Stdio::null()).spawn().unwrap();
+    let mut child = started(scratch, arguments, file);
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
+/// A run that has come as far as this file.
+fn started(scratch: &Scratch, arguments: &str, file: &Path) -> Child {
+    let mut child =
+        scratch.command(arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let start = Instant::now();
     while !file.exists() {
         assert!(child.try_wait().unwrap().is_none(), "the run ended without {}", file.display());
         assert!(start.elapsed() < Duration::from_secs(120), "{} does not appear", file.display());
         std::thread::sleep(Duration::from_micros(200));
     }
-    child.kill().unwrap();
-    child.wait().unwrap();
+    child
 }
 
 #[test]

@@ -9,6 +9,7 @@ use demosift::{Result, experiment, files, report};
 use serde_json::json;
 
 use crate::arguments::ReportArguments;
+use crate::interruption::undisturbed;
 use crate::job::Job;
 use crate::report::{page, replay};
 use crate::run_folder;
@@ -73,6 +74,6 @@ fn write_found(job: &mut Job, found: &Found) -> Result<PathBuf> {
     };
     let html = page::html(&found.report, &made, &replay);
     let path = job.folder().path().join(PAGE);
-    files::write_atomically(&path, html.as_bytes())?;
+    undisturbed(|| files::write_atomically(&path, html.as_bytes()))?;
     Ok(path)
 }
