@@ -1,6 +1,8 @@
 //! The subcommands: each brings a run folder up to its noun and shows it.
 
+mod completions;
 mod convert;
+mod dry_run;
 mod export;
 mod imitate;
 mod inspect;
@@ -37,6 +39,10 @@ pub(crate) fn run(command: Command) -> Result<()> {
         Command::Report(arguments) => report::run(&arguments),
         Command::Tasks(arguments) => {
             tasks::run(&arguments);
+            Ok(())
+        }
+        Command::Completions(arguments) => {
+            completions::run(&arguments);
             Ok(())
         }
     }

@@ -4,6 +4,7 @@ mod arguments;
 mod commands;
 mod configuration;
 mod demonstrations;
+mod examples;
 mod interruption;
 mod job;
 mod metrics_file;

@@ -154,6 +154,19 @@ impl RunFolder {
         Ok(Self { path })
     }
 
+    /// The folder of a run that would begin or go on; touches nothing.
+    pub(crate) fn look(
+        path: PathBuf,
+        begun: Option<&Begun>,
+        identity: &Identity,
+        configuration: &Table,
+    ) -> Result<Self> {
+        if let Some(begun) = begun {
+            check_same(begun, identity, configuration).map_err(|error| error.at(&path))?;
+        }
+        Ok(Self { path })
+    }
+
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }

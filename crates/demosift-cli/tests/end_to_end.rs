@@ -10,7 +10,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use demosift::demonstration::d4rl;
-use support::{Scratch, assert_same_files};
+use support::{RECORD, Scratch, assert_same_files};
 
 const TASK: &str = "--task point_mass --config tiny.toml";
 
@@ -137,8 +137,7 @@ fn kill_after(scratch: &Scratch, arguments: &str, file: &Path) {
 
 /// A run that has come as far as this file.
 fn started(scratch: &Scratch, arguments: &str, file: &Path) -> Child {
-    let mut child =
-        scratch.command(arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut child = scratch.command(arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let start = Instant::now();
     while !file.exists() {
         assert!(child.try_wait().unwrap().is_none(), "the run ended without {}", file.display());
@@ -356,4 +355,114 @@ fn a_guest_brings_demonstrations_at_which_it_succeeds() {
     assert!(guest["final"]["success"].as_f64().unwrap() > 0.3, "{guest}");
     let set = d4rl::read(&scratch.0.join("mixed/demonstrations.hdf5")).unwrap();
     assert_eq!((set.len(), value["provenance"]["demonstrations"].as_array().unwrap().len()), (10, 10));
+}
+
+#[test]
+fn a_dry_run_counts_what_is_then_played_and_touches_nothing() {
+    let scratch = Scratch::new("dry");
+    let json =
+        |arguments: &str| -> serde_json::Value { serde_json::from_str(&scratch.succeed(arguments)).unwrap() };
+    let steps = |said: &serde_json::Value| -> Vec<(String, u64)> {
+        let stages = said["stages"].as_array().unwrap().iter();
+        stages
+            .map(|stage| {
+                (stage["stage"].as_str().unwrap().to_owned(), stage["environment_steps"].as_u64().unwrap())
+            })
+            .collect()
+    };
+    let job = format!("set {TASK} --keep 2 --out run");
+    let whole = json(&format!("sift {job} --dry-run --json"));
+    assert!(!scratch.0.join("run").exists());
+    assert!(whole["minutes"].as_f64().unwrap() > 0.0 && whole["dry_run"] == true, "{whole}");
+    let said = scratch.succeed(&format!("sift {job} --dry-run"));
+    assert!(said.contains("learning to imitate") && said.contains("Nothing was written."), "{said}");
+
+    scratch.succeed(&format!("judge {job}"));
+    let before = scratch.files("run");
+    let rest = json("sift --out run --resume --dry-run --json");
+    assert_eq!(steps(&rest), &steps(&whole)[2..], "what is judged is not judged again");
+    let alone = json("oracle --out run --resume --repeats 2 --dry-run --json");
+    assert_eq!(steps(&alone)[0].1, 8 * steps(&whole)[2].1);
+    let named = json("imitate --out run --resume --demonstration-ids 1,0 --dry-run --json");
+    assert_eq!(steps(&named)[0], ("imitate_demonstrations_0_1".to_owned(), steps(&whole)[2].1));
+    assert_same_files(&before, &scratch.files("run"));
+
+    scratch.succeed("sift --out run --resume");
+    let costs = &json("sift --out run --resume --json")["costs"]["environment_steps"];
+    for (stage, steps) in steps(&whole) {
+        assert_eq!(costs[&stage], steps, "{stage}: {costs}");
+    }
+    let done = scratch.succeed("sift --out run --resume --dry-run");
+    assert!(done.starts_with("Nothing is left to do"), "{done}");
+}
+
+#[test]
+fn a_dry_run_of_a_recording() {
+    let scratch = Scratch::new("dry-record");
+    let said = scratch.succeed(&format!("{RECORD} --out made --dry-run"));
+    assert!(said.contains("training the demonstrator *") && said.contains("* may end earlier"), "{said}");
+    assert!(!scratch.0.join("made").exists());
+    scratch.succeed(&format!("{RECORD} --out made"));
+    let done = scratch.succeed(&format!("{RECORD} --out made --resume --dry-run"));
+    assert!(done.starts_with("Nothing is left to do"), "{done}");
+    let again = scratch.succeed("record --demonstrator made --count 3 --out more --dry-run --json");
+    let value: serde_json::Value = serde_json::from_str(&again).unwrap();
+    assert_eq!(value["stages"].as_array().unwrap().len(), 1, "{again}");
+    assert_eq!(value["stages"][0]["stage"], "record");
+}
+
+#[test]
+fn a_shell_accepts_its_completions() {
+    let scratch = Scratch::new("completions");
+    for shell in ["bash", "zsh", "fish"] {
+        let script = scratch.succeed(&format!("completions {shell}"));
+        assert!(script.contains("meta-train") && script.contains("dry-run"), "{shell}");
+        std::fs::write(scratch.0.join(shell), script).unwrap();
+        match Command::new(shell).arg("-n").arg(scratch.0.join(shell)).output() {
+            Ok(read) => assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr)),
+            Err(_) => eprintln!("skipped: there is no {shell}"),
+        }
+    }
+}
+
+#[test]
+fn every_subcommand_has_examples_that_it_understands() {
+    let scratch = Scratch::new("help");
+    let help = scratch.succeed("--help");
+    let names =
+        help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    let names: Vec<&str> = names.filter_map(|line| line.split_whitespace().next()).collect();
+    assert!(names.len() > 14, "{help}");
+    for name in names.into_iter().filter(|name| *name != "help") {
+        let help = scratch.succeed(&format!("{name} --help"));
+        let (_, examples) = help.split_once("Examples:").unwrap_or_else(|| panic!("{name} has none"));
+        let (mut own, calls) = (0, examples.split("demosift ").skip(1));
+        for call in calls {
+            let words: Vec<&str> = call.lines().next().unwrap().split_whitespace().collect();
+            own += usize::from(words[0] == name);
+            let options = words.iter().filter(|word| word.starts_with("--"));
+            for option in options.take_while(|_| words[0] == name) {
+                assert!(
+                    help.contains(&format!("{} ", option.split('=').next().unwrap()))
+                        || help.contains(&format!("{option}\n")),
+                    "{name}: {option}"
+                );
+            }
+        }
+        assert!(own > 0, "{name}: {examples}");
+    }
+}
+
+/// As `demosift tasks | head -1` does.
+#[test]
+fn a_reader_that_has_seen_enough_is_no_error() {
+    let scratch = Scratch::new("head");
+    for arguments in ["tasks", "--help", "inspect set", "completions bash"] {
+        let mut child =
+            scratch.command(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        drop(child.stdout.take());
+        let output = child.wait_with_output().unwrap();
+        assert!(output.stderr.is_empty(), "{arguments}: {}", String::from_utf8_lossy(&output.stderr));
+        assert_eq!(output.status.code(), Some(0), "{arguments}");
+    }
 }

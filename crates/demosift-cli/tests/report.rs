@@ -62,7 +62,7 @@ fn looked_at(scratch: &Scratch, page: &str, size: &str) -> Option<Value> {
     std::fs::write(&file, probed).unwrap();
     let output = Command::new("chromium")
         .args(
-            "--headless --no-sandbox --disable-quic --no-first-run --disable-background-networking"
+            "--headless --no-sandbox --disable-dev-shm-usage --disable-quic --no-first-run --disable-background-networking"
                 .split(' '),
         )
         .args("--disable-component-update --disable-sync --use-gl=angle --use-angle=swiftshader".split(' '))
