@@ -92,8 +92,6 @@ pub(crate) struct JobArguments {
     /// `demosift record` made
     #[arg(value_name = "SET")]
     pub(crate) demonstrations: Option<PathBuf>,
-    #[command(flatten)]
-    pub(crate) source: SourceArguments,
     /// Keep the K most suitable demonstrations; auto keeps those that surely make the agent better and are not surely
     /// less than half as good as the best; weights keeps what `demosift weigh` would [default: quarter, that is a quarter
     /// of the set]
@@ -107,11 +105,13 @@ pub(crate) struct JobArguments {
     pub(crate) preset: Option<PresetName>,
     #[command(flatten)]
     pub(crate) run: RunArguments,
+    #[command(flatten)]
+    pub(crate) source: SourceArguments,
 }
 
 /// How demonstrations are stored, where it cannot be seen.
 #[derive(Clone, Debug, Default, Args)]
-#[command(next_help_heading = "How the demonstrations are stored")]
+#[command(next_help_heading = "How the demonstrations are stored, where it cannot be seen")]
 pub(crate) struct SourceArguments {
     /// The format of the demonstrations, such as robomimic or lerobot-v3 [default: told by looking]
     #[arg(long, value_name = "FORMAT")]
@@ -210,8 +210,6 @@ pub(crate) struct PlayArguments {
     /// Replay demonstrations of this set from their recorded states: one that `demosift record` or `demosift convert` made
     #[arg(long, value_name = "SET")]
     pub(crate) data: Option<PathBuf>,
-    #[command(flatten)]
-    pub(crate) storage: SourceArguments,
     /// Which demonstrations, such as 1,0,4, in this order [default: all]
     #[arg(long, value_name = "ID", value_delimiter = ',', num_args = 1.., conflicts_with = "policy")]
     pub(crate) demonstration: Vec<usize>,
@@ -227,11 +225,13 @@ pub(crate) struct PlayArguments {
     /// Draw actions as in training, instead of taking the policy's mean
     #[arg(long, conflicts_with = "data")]
     pub(crate) sampled: bool,
-    #[command(flatten)]
-    pub(crate) pictures: PictureArguments,
     /// Print the results as JSON
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) pictures: PictureArguments,
+    #[command(flatten)]
+    pub(crate) storage: SourceArguments,
 }
 
 /// Which pictures are made, and how.
@@ -272,14 +272,14 @@ pub(crate) struct InspectArguments {
     /// The demonstrations
     #[arg(value_name = "SET")]
     pub(crate) demonstrations: PathBuf,
-    #[command(flatten)]
-    pub(crate) source: SourceArguments,
     /// Whether they fit this task: a name (see `demosift tasks`), or the path of a folder with a task.toml
     #[arg(long, value_name = "NAME|PATH")]
     pub(crate) task: Option<String>,
     /// Print the results as JSON
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) source: SourceArguments,
 }
 
 #[derive(Debug, Args)]
@@ -293,14 +293,17 @@ pub(crate) struct ConvertArguments {
     /// The format to write
     #[arg(long, value_enum)]
     pub(crate) to: Target,
-    #[command(flatten)]
-    pub(crate) source: SourceArguments,
     /// The task that was shown, which tells LeRobot the rate of the steps
     #[arg(long, value_name = "NAME|PATH")]
     pub(crate) task: Option<String>,
     /// Steps in a second, which LeRobot wants to know [default: as the task says]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) fps: Option<u32>,
+    /// Print what was written as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) source: SourceArguments,
 }
 
 /// A format that is written.

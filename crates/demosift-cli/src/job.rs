@@ -164,6 +164,10 @@ impl Plan {
         let out = match (&arguments.out, &arguments.task) {
             (Some(out), _) => out.clone(),
             (None, Some(task)) => default_folder(task),
+            (None, None) if arguments.resume => {
+                return Err(Error::bad_input("which run is to go on?")
+                    .with_hint("add --out DIR, the folder of the run"));
+            }
             (None, None) => return Err(task::missing()),
         };
         let begun = run_folder::look_into(&out, arguments.resume)?;

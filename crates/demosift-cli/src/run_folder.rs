@@ -100,11 +100,18 @@ pub(crate) fn look_into(folder: &Path, resume: bool) -> Result<Option<Begun>> {
     }
 }
 
+/// Whether a folder holds a run, of whatever kind.
+pub(crate) fn is_one(folder: &Path) -> bool {
+    folder.join(RUN).exists()
+}
+
 /// Looks into the folder of a finished run without touching it.
 pub(crate) fn of_finished(folder: &Path) -> Result<(Identity, RunFolder)> {
     let file = folder.join(RUN);
     if !file.exists() {
-        return Err(Error::bad_input(format!("this is not a run folder: it has no {RUN}")).at(folder));
+        return Err(Error::bad_input(format!("this is not a run folder: it has no {RUN}"))
+            .at(folder)
+            .with_hint("give the folder that the run had as --out, or runs/NAME of its task"));
     }
     Ok((read_identity(&file)?, RunFolder { path: folder.to_owned() }))
 }

@@ -89,6 +89,18 @@ fn a_dry_run_meets_the_same_mistakes() {
 }
 
 #[test]
+fn folders_that_are_taken_for_others() {
+    let scratch = Scratch::new("folders");
+    scratch.succeed(&format!("judge set {TASK}"));
+    let wanted =
+        ["a run folder", "holds no demonstrations", "hint: to go on with the run: --out run --resume"];
+    complaint(&scratch, "sift run --task point_mass --out other", &wanted);
+    complaint(&scratch, "report set", &["not a run folder", "run.json", "\nhint: "]);
+    complaint(&scratch, "report nothing", &["not a run folder", "nothing", "\nhint: "]);
+    complaint(&scratch, "judge --resume", &["which run is to go on", "\nhint: add --out DIR"]);
+}
+
+#[test]
 fn a_budget_that_pays_for_nothing() {
     let scratch = Scratch::new("budget");
     let job = format!("judge set {TASK} --method maml-mi");

@@ -6,6 +6,7 @@ use demosift::demonstration::source::{Episode, Source};
 use demosift::demonstration::{self, lerobot, minari};
 use demosift::trajectory::StateLog;
 use demosift::{Error, Result};
+use serde_json::json;
 
 use crate::arguments::{ConvertArguments, Target};
 use crate::demonstrations;
@@ -27,6 +28,10 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
         Target::Minari => minari::write(out, &source.episodes, &minari_id(out))?,
     }
     let total: usize = source.episodes.iter().map(|episode| episode.actions.len()).sum();
+    if arguments.json {
+        terminal::show_json(&json!({ "episodes": source.episodes.len(), "steps": total, "out": out }));
+        return Ok(());
+    }
     let count = match source.episodes.len() {
         1 => "1 episode".to_owned(),
         several => format!("{several} episodes"),

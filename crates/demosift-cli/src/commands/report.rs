@@ -19,6 +19,7 @@ use crate::terminal;
 const PAGE: &str = "report.html";
 
 pub(crate) fn run(arguments: &ReportArguments) -> Result<()> {
+    run_folder::of_finished(&arguments.run_folder)?;
     let mut job = Job::open(&arguments.job())?;
     if !arguments.json {
         let page = write(&mut job)?;
