@@ -227,6 +227,9 @@ fn training_seconds(
     })
 }
 
+/// No more episodes than these are tried at once; what is asked of a step is the same with more.
+const TRIED_EPISODES: usize = 10;
+
 /// Seconds per environment step of a policy that is evaluated.
 fn playing_seconds(
     playground: &Playground<'_>,
@@ -236,7 +239,7 @@ fn playing_seconds(
     clock: Clock<'_>,
 ) -> Result<f64> {
     seconds_per_unit(clock, || {
-        let seeds = seed.of("evaluate").many(episodes);
+        let seeds = seed.of("evaluate").many(episodes.min(TRIED_EPISODES));
         let played = rollout::play(playground, policy, Acting::Sampled, EnvVariant(0), seeds)?;
         Ok(played.iter().map(|played| played.steps() as f64).sum())
     })
