@@ -128,3 +128,35 @@ Examples:
     demosift completions zsh > ~/.zfunc/_demosift
   For fish:
     demosift completions fish > ~/.config/fish/completions/demosift.fish";
+
+#[cfg(test)]
+mod tests {
+    use clap::{CommandFactory as _, Parser as _};
+
+    use crate::arguments::Demosift;
+
+    /// What a shell would run of a line: its call of demosift, if it has one.
+    fn call(line: &str) -> Option<&str> {
+        let from = line.find("demosift ").filter(|&at| at == 0 || line[..at].ends_with("$("))?;
+        line[from..].split([')', '|', '>']).next()
+    }
+
+    #[test]
+    fn every_example_is_understood() {
+        let mut texts = vec![super::DEMOSIFT.to_owned()];
+        texts.extend(
+            Demosift::command()
+                .get_subcommands()
+                .filter_map(|of| of.get_after_help())
+                .map(ToString::to_string),
+        );
+        let calls: Vec<&str> =
+            texts.iter().flat_map(|text| text.lines()).filter_map(|line| call(line.trim())).collect();
+        assert!(calls.len() > 30, "{calls:?}");
+        for call in calls {
+            if let Err(error) = Demosift::try_parse_from(call.split_whitespace()) {
+                panic!("{call}: {error}");
+            }
+        }
+    }
+}
