@@ -11,7 +11,7 @@ trap 'rm -rf "$profile"' EXIT
 
 # name, width, height, further switches
 shoot() {
-  chromium --headless --no-sandbox --disable-quic --no-first-run --disable-background-networking --disable-component-update \
+  chromium --headless --no-sandbox --disable-dev-shm-usage --disable-quic --no-first-run --disable-background-networking --disable-component-update \
     --disable-sync --user-data-dir="$profile/$1" --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader \
     --hide-scrollbars --virtual-time-budget=4000 --window-size="$2,$3" --screenshot="$out/report_$1.png" "${@:4}" \
     "file://$page$moment" >"$profile/log" 2>&1 || { cat "$profile/log"; exit 1; }

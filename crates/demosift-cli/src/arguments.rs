@@ -3,14 +3,17 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap_complete::Shell;
 use demosift::demonstration::source::Format;
 use demosift::method::Method;
 use demosift::preset::Preset;
 use demosift::select::Keep;
 
+use crate::examples;
+
 /// Which demonstrations should your agent learn from? Finds out by imitating each one.
 #[derive(Debug, Parser)]
-#[command(name = "demosift", version, arg_required_else_help = true)]
+#[command(name = "demosift", version, arg_required_else_help = true, after_help = examples::DEMOSIFT)]
 pub(crate) struct Demosift {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -19,36 +22,70 @@ pub(crate) struct Demosift {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// The whole job: rank the demonstrations, keep the best, and show that this was worth it
+    #[command(after_help = examples::SIFT)]
     Sift(JobArguments),
     /// Train a demonstrator and record its episodes at stages from hopeless to successful
+    #[command(after_help = examples::RECORD)]
     Record(RecordArguments),
     /// Learn a policy that can imitate any demonstration of the set within a few updates
+    #[command(after_help = examples::META_TRAIN)]
     MetaTrain(JobArguments),
     /// Imitate each demonstration and score what comes out
+    #[command(after_help = examples::JUDGE)]
     Judge(JobArguments),
     /// Rank the demonstrations and keep the best
+    #[command(after_help = examples::SELECT)]
     Select(JobArguments),
     /// Let the demonstrations that help count more and more, and keep those that end up heavy (Algorithm 3 of the paper)
+    #[command(after_help = examples::WEIGH)]
     Weigh(JobArguments),
     /// Imitate from scratch: the kept demonstrations beside all of them, or those that you name
+    #[command(after_help = examples::IMITATE)]
     Imitate(ImitateArguments),
     /// Imitate each demonstration alone from scratch with the full budget: what a ranking is compared with
+    #[command(after_help = examples::ORACLE)]
     Oracle(OracleArguments),
     /// Write report.html into a run folder: all that the run found as one page to look at, with a 3-D replay
+    #[command(after_help = examples::REPORT)]
     Report(ReportArguments),
     /// Play a policy, or recorded demonstrations again: scores, and pictures if you want them
+    #[command(after_help = examples::PLAY)]
     Play(PlayArguments),
     /// Show what a file of demonstrations holds, and whether it fits a task
+    #[command(after_help = examples::INSPECT)]
     Inspect(InspectArguments),
     /// Write demonstrations in another tool's format
+    #[command(after_help = examples::CONVERT)]
     Convert(ConvertArguments),
     /// Hand on what a run kept, in the idiom of the tool that its demonstrations came from
+    #[command(after_help = examples::EXPORT)]
     Export(ExportArguments),
     /// Look after a task of your own
     #[command(subcommand)]
     Task(TaskCommand),
     /// List the tasks that come with demosift
+    #[command(after_help = examples::TASKS)]
     Tasks(TasksArguments),
+    /// Print what makes a shell complete demosift's commands and options
+    #[command(after_help = examples::COMPLETIONS)]
+    Completions(CompletionsArguments),
+}
+
+impl Command {
+    /// What it says of a run, if it is one that keeps a run folder and can go on.
+    pub(crate) fn run(&self) -> Option<&RunArguments> {
+        match self {
+            Self::Sift(job)
+            | Self::MetaTrain(job)
+            | Self::Judge(job)
+            | Self::Select(job)
+            | Self::Weigh(job) => Some(&job.run),
+            Self::Imitate(arguments) => Some(&arguments.job.run),
+            Self::Oracle(arguments) => Some(&arguments.job.run),
+            Self::Record(arguments) => Some(&arguments.run),
+            _ => None,
+        }
+    }
 }
 
 /// What every stage of the job needs.
@@ -58,8 +95,6 @@ pub(crate) struct JobArguments {
     /// `demosift record` made
     #[arg(value_name = "SET")]
     pub(crate) demonstrations: Option<PathBuf>,
-    #[command(flatten)]
-    pub(crate) source: SourceArguments,
     /// Keep the K most suitable demonstrations; auto keeps those that surely make the agent better and are not surely
     /// less than half as good as the best; weights keeps what `demosift weigh` would [default: quarter, that is a quarter
     /// of the set]
@@ -73,10 +108,13 @@ pub(crate) struct JobArguments {
     pub(crate) preset: Option<PresetName>,
     #[command(flatten)]
     pub(crate) run: RunArguments,
+    #[command(flatten)]
+    pub(crate) source: SourceArguments,
 }
 
 /// How demonstrations are stored, where it cannot be seen.
 #[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "How the demonstrations are stored, where it cannot be seen")]
 pub(crate) struct SourceArguments {
     /// The format of the demonstrations, such as robomimic or lerobot-v3 [default: told by looking]
     #[arg(long, value_name = "FORMAT")]
@@ -92,6 +130,7 @@ pub(crate) struct SourceArguments {
 
 /// What every run needs, whatever it is about.
 #[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "The run")]
 pub(crate) struct RunArguments {
     /// The task: a name (see `demosift tasks`), or the path of a folder with a task.toml
     #[arg(long, value_name = "NAME|PATH")]
@@ -111,6 +150,9 @@ pub(crate) struct RunArguments {
     /// Go on with a run folder that exists
     #[arg(long)]
     pub(crate) resume: bool,
+    /// Check everything and say what it would cost: environment steps, updates and minutes; write nothing
+    #[arg(long)]
+    pub(crate) dry_run: bool,
     /// Threads to play on; the results do not depend on it [default: all processors]
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<usize>,
@@ -160,12 +202,6 @@ pub(crate) struct RecordArguments {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  The worst and the best of a set, one a row of a contact sheet:
-    demosift play --task free_throw --data data/free_throw_8 --demonstration 1,4 --sheet
-  A clip of what a run learned from the demonstrations that it kept:
-    demosift play --task free_throw --policy runs/free_throw/policy_subset.safetensors --clip")]
 #[group(id = "source", required = true, multiple = false, args = ["policy", "data"])]
 pub(crate) struct PlayArguments {
     /// The task: a name (see `demosift tasks`), or the path of a folder with a task.toml
@@ -177,8 +213,6 @@ pub(crate) struct PlayArguments {
     /// Replay demonstrations of this set from their recorded states: one that `demosift record` or `demosift convert` made
     #[arg(long, value_name = "SET")]
     pub(crate) data: Option<PathBuf>,
-    #[command(flatten)]
-    pub(crate) storage: SourceArguments,
     /// Which demonstrations, such as 1,0,4, in this order [default: all]
     #[arg(long, value_name = "ID", value_delimiter = ',', num_args = 1.., conflicts_with = "policy")]
     pub(crate) demonstration: Vec<usize>,
@@ -194,15 +228,18 @@ pub(crate) struct PlayArguments {
     /// Draw actions as in training, instead of taking the policy's mean
     #[arg(long, conflicts_with = "data")]
     pub(crate) sampled: bool,
-    #[command(flatten)]
-    pub(crate) pictures: PictureArguments,
     /// Print the results as JSON
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) pictures: PictureArguments,
+    #[command(flatten)]
+    pub(crate) storage: SourceArguments,
 }
 
 /// Which pictures are made, and how.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "Pictures")]
 pub(crate) struct PictureArguments {
     /// Write a PNG of every step
     #[arg(long)]
@@ -234,31 +271,21 @@ fn size(typed: &str) -> Result<(usize, usize), String> {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  What a set holds, and whether the free thrower could learn from it:
-    demosift inspect data/free_throw_8 --task free_throw
-  A robomimic file, with the columns that make an observation named:
-    demosift inspect lift.hdf5 --observation-columns obs/robot0_eef_pos,obs/object")]
 pub(crate) struct InspectArguments {
     /// The demonstrations
     #[arg(value_name = "SET")]
     pub(crate) demonstrations: PathBuf,
-    #[command(flatten)]
-    pub(crate) source: SourceArguments,
     /// Whether they fit this task: a name (see `demosift tasks`), or the path of a folder with a task.toml
     #[arg(long, value_name = "NAME|PATH")]
     pub(crate) task: Option<String>,
     /// Print the results as JSON
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) source: SourceArguments,
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-    demosift convert data/free_throw_8 --task free_throw --to lerobot free_throw_lerobot
-    demosift convert expert.npz --to minari expert_minari")]
 pub(crate) struct ConvertArguments {
     /// The demonstrations
     #[arg(value_name = "SET")]
@@ -269,14 +296,17 @@ pub(crate) struct ConvertArguments {
     /// The format to write
     #[arg(long, value_enum)]
     pub(crate) to: Target,
-    #[command(flatten)]
-    pub(crate) source: SourceArguments,
     /// The task that was shown, which tells LeRobot the rate of the steps
     #[arg(long, value_name = "NAME|PATH")]
     pub(crate) task: Option<String>,
     /// Steps in a second, which LeRobot wants to know [default: as the task says]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) fps: Option<u32>,
+    /// Print what was written as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) source: SourceArguments,
 }
 
 /// A format that is written.
@@ -289,14 +319,6 @@ pub(crate) enum Target {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  Train on what was kept, in LeRobot:
-    lerobot-train --dataset.episodes=\"$(demosift export runs/reach --as lerobot-episodes)\" ...
-  A filter key for robomimic, written into the file of the demonstrations:
-    demosift export runs/lift --as robomimic-filter-key --edit-my-file
-  Scores, intervals and weights as a table:
-    demosift export runs/lift --as csv --out lift.csv")]
 pub(crate) struct ExportArguments {
     /// The run folder
     #[arg(value_name = "RUN")]
@@ -364,6 +386,7 @@ impl ReportArguments {
             set: Vec::new(),
             out: Some(self.run_folder.clone()),
             resume: true,
+            dry_run: false,
             threads: self.threads,
             json: self.json,
         };
@@ -387,14 +410,7 @@ pub(crate) enum TaskCommand {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  A task of your own, as soon as it has a model and a task.toml:
-    demosift task check my_robot
-  Whether demonstrations fit it, and their actions lead where they led when they were recorded:
-    demosift task check my_robot --data my_demonstrations.hdf5
-
-Exit code 2 if there is an error among the findings.")]
+#[command(after_help = examples::TASK_CHECK)]
 pub(crate) struct TaskCheckArguments {
     /// The task: the path of a folder with a task.toml, or a name (see `demosift tasks`)
     #[arg(value_name = "PATH|NAME")]
@@ -402,14 +418,21 @@ pub(crate) struct TaskCheckArguments {
     /// Demonstrations to hold against it
     #[arg(long, value_name = "SET")]
     pub(crate) data: Option<PathBuf>,
-    #[command(flatten)]
-    pub(crate) storage: SourceArguments,
     /// The root of the random actions
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
     /// Print the results as JSON
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) storage: SourceArguments,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct CompletionsArguments {
+    /// The shell
+    #[arg(value_enum)]
+    pub(crate) shell: Shell,
 }
 
 #[derive(Debug, Args)]

@@ -1,6 +1,8 @@
 //! The subcommands: each brings a run folder up to its noun and shows it.
 
+mod completions;
 mod convert;
+mod dry_run;
 mod export;
 mod imitate;
 mod inspect;
@@ -39,6 +41,10 @@ pub(crate) fn run(command: Command) -> Result<()> {
         Command::Task(command) => task::run(&command),
         Command::Tasks(arguments) => {
             tasks::run(&arguments);
+            Ok(())
+        }
+        Command::Completions(arguments) => {
+            completions::run(&arguments);
             Ok(())
         }
     }

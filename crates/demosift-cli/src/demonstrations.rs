@@ -7,7 +7,7 @@ use demosift::demonstration::source::{self, Columns, Source};
 use demosift::{Error, Result};
 
 use crate::arguments::SourceArguments;
-use crate::run_folder::Data;
+use crate::run_folder::{self, Data};
 
 /// Demonstrations with the file or folder that they are in.
 pub(crate) struct Demonstrations {
@@ -52,6 +52,13 @@ pub(crate) fn open_unchecked(
             "give the path of a file or folder of demonstrations; docs/formats.md lists the formats",
         )
     })?;
+    if run_folder::is_one(given) && !given.join(source::RECORDED).exists() {
+        let go_on =
+            format!("to go on with the run: --out {} --resume, and no demonstrations", given.display());
+        return Err(Error::bad_input("this is a run folder and holds no demonstrations")
+            .at(given)
+            .with_hint(go_on));
+    }
     let columns = match recorded {
         Some(data) if how.columns().are_usual() => data.columns.clone(),
         _ => how.columns(),

@@ -22,9 +22,6 @@ use crate::run_folder::{self, Begun, Data, Identity, RunFolder};
 use crate::task::{self, Chosen};
 use crate::terminal::Progress;
 
-/// The file of a set that is given as a folder.
-pub(crate) const SET_FILE: &str = "demonstrations.hdf5";
-
 /// A set, a task and a configuration that fit each other, with the run folder that keeps what comes of them.
 pub(crate) struct Job {
     set: DemonstrationSet,
@@ -72,8 +69,12 @@ impl Job {
         experiment::check(&set, plan.chosen.task.specification(), &config)
             .map_err(|error| if error.is_bad_input() { error.at(&path) } else { error })?;
         check(&set, &config)?;
-        let folder = plan.open_folder(Some(data.clone()), &values)?;
-        let progress = Progress::new(MetricsFile::open(folder.path())?);
+        experiment::check_budget(&set, &Playground::new(plan.chosen.task.as_ref()), &config)?;
+        let folder = plan.open_folder(Some(data.clone()), &values, arguments.run.dry_run)?;
+        let progress = match arguments.run.dry_run {
+            true => Progress::of_bar_only(),
+            false => Progress::new(MetricsFile::open(folder.path())?),
+        };
         Ok(Self { set, path, data, chosen: plan.chosen, config, folder, progress })
     }
 
@@ -163,6 +164,10 @@ impl Plan {
         let out = match (&arguments.out, &arguments.task) {
             (Some(out), _) => out.clone(),
             (None, Some(task)) => default_folder(task),
+            (None, None) if arguments.resume => {
+                return Err(Error::bad_input("which run is to go on?")
+                    .with_hint("add --out DIR, the folder of the run"));
+            }
             (None, None) => return Err(task::missing()),
         };
         let begun = run_folder::look_into(&out, arguments.resume)?;
@@ -193,15 +198,16 @@ impl Plan {
         }
     }
 
-    /// Begins the run, or goes on with the one that is there.
-    pub(crate) fn open_folder(&self, data: Option<Data>, values: &Table) -> Result<RunFolder> {
+    /// Begins the run, or goes on with the one that is there; a dry run only looks whether that could be done.
+    pub(crate) fn open_folder(&self, data: Option<Data>, values: &Table, dry: bool) -> Result<RunFolder> {
         let identity = Identity {
             demosift: env!("CARGO_PKG_VERSION").to_owned(),
             task: self.chosen.name.clone(),
             task_sha256: self.chosen.sha256.clone(),
             data,
         };
-        RunFolder::open(self.out.clone(), self.begun.as_ref(), &identity, values)
+        let open = if dry { RunFolder::look } else { RunFolder::open };
+        open(self.out.clone(), self.begun.as_ref(), &identity, values)
     }
 }
 

@@ -5,6 +5,8 @@ mod commands;
 mod configuration;
 mod demonstrations;
 mod event_file;
+mod examples;
+mod interruption;
 mod job;
 mod metrics_file;
 mod own_heuristic;
@@ -30,10 +32,12 @@ fn main() -> ExitCode {
         Ok(typed) => typed,
         Err(error) => {
             // Help and version are asked for, everything else is a mistake; clap knows where each is printed.
-            let code = if error.use_stderr() { USER_MISTAKE } else { 0 };
-            return if error.print().is_ok() { ExitCode::from(code) } else { ExitCode::from(FAILURE) };
+            // A reader that has gone away has seen enough.
+            let _ = error.print();
+            return ExitCode::from(if error.use_stderr() { USER_MISTAKE } else { 0 });
         }
     };
+    interruption::listen(typed.command.run().is_some());
     match commands::run(typed.command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -13,6 +13,7 @@ use demosift::{Error, Result};
 use serde_json::{Value, json};
 
 use crate::event_file::EventFile;
+use crate::interruption::undisturbed;
 
 /// Which measurement a row is: stage, part, iteration.
 type Row = (String, String, u64);
@@ -63,12 +64,14 @@ impl MetricsFile {
             line += &format!(",{}:{}", json!(name), json!(value));
         }
         line += "}\n";
-        self.file
-            .write_all(line.as_bytes())
-            .map_err(|source| Error::io("cannot write the metrics", &self.path, &source))?;
         // Read back, so that a row is the same event now and when the run goes on.
         let (_, row) = row_of(&line).expect("the line was made just now");
-        self.events.append(&row)
+        undisturbed(|| {
+            self.file
+                .write_all(line.as_bytes())
+                .map_err(|source| Error::io("cannot write the metrics", &self.path, &source))?;
+            self.events.append(&row)
+        })
     }
 }
 

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use toml::Table;
 
 use crate::configuration;
+use crate::interruption::{self, undisturbed};
 
 const RUN: &str = "run.json";
 pub(crate) const RESOLVED: &str = "resolved.toml";
@@ -99,11 +100,18 @@ pub(crate) fn look_into(folder: &Path, resume: bool) -> Result<Option<Begun>> {
     }
 }
 
+/// Whether a folder holds a run, of whatever kind.
+pub(crate) fn is_one(folder: &Path) -> bool {
+    folder.join(RUN).exists()
+}
+
 /// Looks into the folder of a finished run without touching it.
 pub(crate) fn of_finished(folder: &Path) -> Result<(Identity, RunFolder)> {
     let file = folder.join(RUN);
     if !file.exists() {
-        return Err(Error::bad_input(format!("this is not a run folder: it has no {RUN}")).at(folder));
+        return Err(Error::bad_input(format!("this is not a run folder: it has no {RUN}"))
+            .at(folder)
+            .with_hint("give the folder that the run had as --out, or runs/NAME of its task"));
     }
     Ok((read_identity(&file)?, RunFolder { path: folder.to_owned() }))
 }
@@ -137,15 +145,32 @@ impl RunFolder {
         if let Some(begun) = begun {
             check_same(begun, identity, configuration).map_err(|error| error.at(&path))?;
             remove_partial(&path)?;
+            interruption::run_is_in(&path);
             return Ok(Self { path });
         }
         fs::create_dir_all(&path).map_err(|error| Error::io("cannot make the run folder", &path, &error))?;
         let text = toml::to_string_pretty(configuration).expect("what was read from TOML is TOML");
-        files::write_atomically(&path.join(RESOLVED), text.as_bytes())?;
-        // Last, since it makes the folder a run.
         let mut json = serde_json::to_vec_pretty(identity).expect("names and hashes are JSON");
         json.push(b'\n');
-        files::write_atomically(&path.join(RUN), &json)?;
+        undisturbed(|| {
+            files::write_atomically(&path.join(RESOLVED), text.as_bytes())?;
+            // Last, since it makes the folder a run.
+            files::write_atomically(&path.join(RUN), &json)
+        })?;
+        interruption::run_is_in(&path);
+        Ok(Self { path })
+    }
+
+    /// The folder of a run that would begin or go on; touches nothing.
+    pub(crate) fn look(
+        path: PathBuf,
+        begun: Option<&Begun>,
+        identity: &Identity,
+        configuration: &Table,
+    ) -> Result<Self> {
+        if let Some(begun) = begun {
+            check_same(begun, identity, configuration).map_err(|error| error.at(&path))?;
+        }
         Ok(Self { path })
     }
 
@@ -165,12 +190,12 @@ impl Ledger for RunFolder {
     }
 
     fn keep(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
-        files::write_atomically(&self.path.join(name), bytes)
+        undisturbed(|| files::write_atomically(&self.path.join(name), bytes))
     }
 
     fn forget(&mut self, name: &str) -> Result<()> {
         let path = self.path.join(name);
-        match fs::remove_file(&path) {
+        match undisturbed(|| fs::remove_file(&path)) {
             Err(error) if error.kind() != ErrorKind::NotFound => {
                 Err(Error::io("cannot delete", &path, &error))
             }

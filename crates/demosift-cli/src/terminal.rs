@@ -1,6 +1,8 @@
 //! The only place that talks to the terminal: results on standard output, everything else on standard error.
 
 use std::io::Write as _;
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use demosift::observer::{Event, Observer};
@@ -26,6 +28,29 @@ pub(crate) fn complain(error: &Error) {
     let _ = writeln!(out, "error: {error}");
     if let Some(hint) = error.hint() {
         let _ = writeln!(out, "hint: {hint}");
+    }
+}
+
+/// Says where an interrupted run is, and the command that goes on with it.
+pub(crate) fn say_stopped(folder: &Path, command: &str) {
+    clear_bar();
+    let mut out = std::io::stderr().lock();
+    let _ = writeln!(out, "stopped: what is finished is kept in the run folder {}", folder.display());
+    let _ = writeln!(out, "hint: go on with: {command}");
+}
+
+/// Says that a command was interrupted which keeps nothing.
+pub(crate) fn say_stopped_only() {
+    clear_bar();
+    let _ = writeln!(std::io::stderr().lock(), "stopped");
+}
+
+/// The bar that is shown now, for an interruption to clear.
+static SHOWN: Mutex<Option<ProgressBar>> = Mutex::new(None);
+
+fn clear_bar() {
+    if let Some(bar) = SHOWN.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        bar.finish_and_clear();
     }
 }
 
@@ -61,6 +86,7 @@ impl Progress {
             ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len}, {elapsed} so far, {eta} left")
                 .expect("the template is ours");
         self.bar = ProgressBar::new(total as u64).with_style(style).with_message(what(stage));
+        *SHOWN.lock().unwrap_or_else(PoisonError::into_inner) = Some(self.bar.clone());
         self.bar.set_position(done as u64);
         self.bar.reset_eta();
         self.bar.enable_steady_tick(Duration::from_millis(500));

@@ -72,6 +72,56 @@ fn a_set_that_does_not_fit_the_task() {
 }
 
 #[test]
+fn a_dry_run_meets_the_same_mistakes() {
+    let scratch = Scratch::new("dry-mistakes");
+    write_shapes(&scratch, &[6, 5], &[6, 2]);
+    let wanted = ["5 numbers in an observation", "'point_mass' has 4", "bad.hdf5"];
+    refuses(&scratch, &format!("sift bad.hdf5 {TASK} --dry-run"), &wanted);
+    refuses(&scratch, &format!("judge set {TASK} --dry-run --set judge.repeats=0"), &["judge.repeats = 0"]);
+    refuses(&scratch, &format!("oracle set {TASK} --dry-run --random 2"), &["--random compares with"]);
+    refuses(&scratch, &format!("imitate set {TASK} --dry-run --demonstration-ids 9"), &["9", "0 to 3"]);
+    refuses(&scratch, &format!("weigh set {TASK} --dry-run --method from-scratch"), &["from-scratch"]);
+    refuses(&scratch, "record --task point_mass --out run --dry-run --count 1", &["--count 1", "at least 2"]);
+    scratch.succeed(&format!("judge set {TASK}"));
+    refuses(&scratch, &format!("judge set {TASK} --dry-run"), &["holds a run already", "--resume"]);
+    let other = format!("judge set {TASK} --dry-run --resume --seed 7");
+    refuses(&scratch, &other, &["seed was 0 there, and is 7 now"]);
+}
+
+#[test]
+fn folders_that_are_taken_for_others() {
+    let scratch = Scratch::new("folders");
+    scratch.succeed(&format!("judge set {TASK}"));
+    let wanted =
+        ["a run folder", "holds no demonstrations", "hint: to go on with the run: --out run --resume"];
+    complaint(&scratch, "sift run --task point_mass --out other", &wanted);
+    complaint(&scratch, "report set", &["not a run folder", "run.json", "\nhint: "]);
+    complaint(&scratch, "report nothing", &["not a run folder", "nothing", "\nhint: "]);
+    complaint(&scratch, "judge --resume", &["which run is to go on", "\nhint: add --out DIR"]);
+}
+
+#[test]
+fn a_budget_that_pays_for_nothing() {
+    let scratch = Scratch::new("budget");
+    let job = format!("judge set {TASK} --method maml-mi");
+    let wanted = ["meta_train.rounds = 1 ", "maml-mi", "must be at least "];
+    let said = complaint(&scratch, &format!("{job} --set meta_train.rounds=1"), &wanted);
+    let enough = said.split("must be at least ").nth(1).unwrap().trim();
+    scratch.succeed(&format!("{job} --set meta_train.rounds={enough}"));
+}
+
+#[test]
+fn one_episode_is_enough_to_convert() {
+    let scratch = Scratch::new("one");
+    let observations = Rows::from_flat(vec![0.5; 24], 4).unwrap();
+    let actions = Rows::from_flat(vec![0.0; 12], 2).unwrap();
+    let episode = Episode { observations: &observations, actions: &actions, states: None, terminated: false };
+    d4rl::write(&scratch.0.join("one.hdf5"), &[episode]).unwrap();
+    let said = scratch.succeed("convert one.hdf5 --to minari one_minari");
+    assert!(said.starts_with("1 episode of 6 steps"), "{said}");
+}
+
+#[test]
 fn a_number_that_is_none() {
     let scratch = Scratch::new("nan");
     let mut observations = Rows::from_flat(vec![0.0; 24], 4).unwrap();

@@ -4,12 +4,13 @@
 
 mod support;
 
+use std::io::Read as _;
 use std::path::Path;
-use std::process::Stdio;
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use demosift::demonstration::d4rl;
-use support::{Scratch, assert_same_files};
+use support::{RECORD, Scratch, assert_same_files};
 
 const TASK: &str = "--task point_mass --config tiny.toml";
 
@@ -102,17 +103,53 @@ fn a_run_that_was_killed_resumes_to_the_identical_result() {
     assert_same_files(&scratch.files("whole"), &scratch.files("killed"));
 }
 
+#[test]
+fn a_run_that_was_interrupted_says_how_it_goes_on_to_the_identical_result() {
+    let scratch = Scratch::new("interrupted");
+    let job = format!("sift set {TASK} --set meta_train.rounds=30 --set imitate.environment_steps=30000");
+    scratch.succeed(&format!("{job} --out whole"));
+    let mut typed = format!("{job} --out stopped");
+    for (signal, code, checkpoint) in [
+        ("INT", 130, "checkpoint_meta_train.bin"),
+        ("TERM", 143, "checkpoint_judge.bin"),
+        ("INT", 130, "checkpoint_imitate_all.bin"),
+    ] {
+        let mut child = started(&scratch, &typed, &scratch.0.join("stopped").join(checkpoint));
+        let killed = Command::new("sh").args(["-c", &format!("kill -{signal} {}", child.id())]).status();
+        assert!(killed.unwrap().success());
+        let mut said = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(code), "{said}");
+        assert!(said.starts_with("stopped: what is finished is kept in the run folder stopped\n"), "{said}");
+        // What it says to type is what is typed next.
+        let command = said.lines().nth(1).unwrap().strip_prefix("hint: go on with: ").unwrap();
+        typed = command.strip_prefix(env!("CARGO_BIN_EXE_demosift")).unwrap().to_owned();
+        assert!(typed.ends_with(" --out stopped --resume"), "{typed}");
+        let files = scratch.files("stopped");
+        assert!(!files.keys().any(|name| name.contains("partial")), "{:?}", files.keys());
+        assert!(files["metrics.jsonl"].ends_with(b"\n"), "the last line is whole");
+    }
+    scratch.succeed(&typed);
+    assert_same_files(&scratch.files("whole"), &scratch.files("stopped"));
+}
+
 /// Runs until the file appears, then kills without warning.
 fn kill_after(scratch: &Scratch, arguments: &str, file: &Path) {
-    let mut child = scratch.command(arguments).stdout(Stdio::null()).spawn().unwrap();
+    let mut child = started(scratch, arguments, file);
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
+/// A run that has come as far as this file.
+fn started(scratch: &Scratch, arguments: &str, file: &Path) -> Child {
+    let mut child = scratch.command(arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let start = Instant::now();
     while !file.exists() {
         assert!(child.try_wait().unwrap().is_none(), "the run ended without {}", file.display());
         assert!(start.elapsed() < Duration::from_secs(120), "{} does not appear", file.display());
         std::thread::sleep(Duration::from_micros(200));
     }
-    child.kill().unwrap();
-    child.wait().unwrap();
+    child
 }
 
 #[test]
@@ -323,4 +360,108 @@ fn a_guest_brings_demonstrations_at_which_it_succeeds() {
     assert!(guest["final"]["success"].as_f64().unwrap() > 0.3, "{guest}");
     let set = d4rl::read(&scratch.0.join("mixed/demonstrations.hdf5")).unwrap();
     assert_eq!((set.len(), value["provenance"]["demonstrations"].as_array().unwrap().len()), (10, 10));
+}
+
+#[test]
+fn a_dry_run_counts_what_is_then_played_and_touches_nothing() {
+    let scratch = Scratch::new("dry");
+    let json =
+        |arguments: &str| -> serde_json::Value { serde_json::from_str(&scratch.succeed(arguments)).unwrap() };
+    let steps = |said: &serde_json::Value| -> Vec<(String, u64)> {
+        let stages = said["stages"].as_array().unwrap().iter();
+        stages
+            .map(|stage| {
+                (stage["stage"].as_str().unwrap().to_owned(), stage["environment_steps"].as_u64().unwrap())
+            })
+            .collect()
+    };
+    let job = format!("set {TASK} --keep 2 --out run");
+    let whole = json(&format!("sift {job} --dry-run --json"));
+    assert!(!scratch.0.join("run").exists());
+    assert!(whole["minutes"].as_f64().unwrap() > 0.0 && whole["dry_run"] == true, "{whole}");
+    let said = scratch.succeed(&format!("sift {job} --dry-run"));
+    assert!(said.contains("learning to imitate") && said.contains("Nothing was written."), "{said}");
+
+    scratch.succeed(&format!("judge {job}"));
+    let before = scratch.files("run");
+    let rest = json("sift --out run --resume --dry-run --json");
+    assert_eq!(steps(&rest), &steps(&whole)[2..], "what is judged is not judged again");
+    let alone = json("oracle --out run --resume --repeats 2 --dry-run --json");
+    assert_eq!(steps(&alone)[0].1, 8 * steps(&whole)[2].1);
+    let named = json("imitate --out run --resume --demonstration-ids 1,0 --dry-run --json");
+    assert_eq!(steps(&named)[0], ("imitate_demonstrations_0_1".to_owned(), steps(&whole)[2].1));
+    assert_same_files(&before, &scratch.files("run"));
+
+    scratch.succeed("sift --out run --resume");
+    let costs = &json("sift --out run --resume --json")["costs"]["environment_steps"];
+    for (stage, steps) in steps(&whole) {
+        assert_eq!(costs[&stage], steps, "{stage}: {costs}");
+    }
+    let done = scratch.succeed("sift --out run --resume --dry-run");
+    assert!(done.starts_with("Nothing is left to do"), "{done}");
+}
+
+#[test]
+fn a_dry_run_of_a_recording() {
+    let scratch = Scratch::new("dry-record");
+    let said = scratch.succeed(&format!("{RECORD} --out made --dry-run"));
+    assert!(said.contains("training the demonstrator *") && said.contains("* may end earlier"), "{said}");
+    assert!(!scratch.0.join("made").exists());
+    scratch.succeed(&format!("{RECORD} --out made"));
+    let done = scratch.succeed(&format!("{RECORD} --out made --resume --dry-run"));
+    assert!(done.starts_with("Nothing is left to do"), "{done}");
+    let again = scratch.succeed("record --demonstrator made --count 3 --out more --dry-run --json");
+    let value: serde_json::Value = serde_json::from_str(&again).unwrap();
+    assert_eq!(value["stages"].as_array().unwrap().len(), 1, "{again}");
+    assert_eq!(value["stages"][0]["stage"], "record");
+}
+
+#[test]
+fn a_shell_accepts_its_completions() {
+    let scratch = Scratch::new("completions");
+    for shell in ["bash", "zsh", "fish"] {
+        let script = scratch.succeed(&format!("completions {shell}"));
+        assert!(script.contains("meta-train") && script.contains("dry-run"), "{shell}");
+        std::fs::write(scratch.0.join(shell), script).unwrap();
+        match Command::new(shell).arg("-n").arg(scratch.0.join(shell)).output() {
+            Ok(read) => assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr)),
+            Err(_) => eprintln!("skipped: there is no {shell}"),
+        }
+    }
+}
+
+#[test]
+fn every_subcommand_has_examples() {
+    let scratch = Scratch::new("help");
+    let mut calls = vec![String::new()];
+    let mut seen = 0;
+    while let Some(call) = calls.pop() {
+        let help = scratch.succeed(&format!("{call} --help"));
+        let listed = help.lines().skip_while(|line| *line != "Commands:").skip(1);
+        let names =
+            listed.take_while(|line| !line.is_empty()).filter_map(|line| line.split_whitespace().next());
+        let inner: Vec<String> =
+            names.filter(|name| *name != "help").map(|name| format!("{call} {name}")).collect();
+        if inner.is_empty() {
+            let example = format!("demosift{call}");
+            assert!(help.contains("Examples:") && help.contains(&example), "{call}: {help}");
+            seen += 1;
+        }
+        calls.extend(inner);
+    }
+    assert!(seen > 14, "{seen}");
+}
+
+/// As `demosift tasks | head -1` does.
+#[test]
+fn a_reader_that_has_seen_enough_is_no_error() {
+    let scratch = Scratch::new("head");
+    for arguments in ["tasks", "--help", "inspect set", "completions bash"] {
+        let mut child =
+            scratch.command(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        drop(child.stdout.take());
+        let output = child.wait_with_output().unwrap();
+        assert!(output.stderr.is_empty(), "{arguments}: {}", String::from_utf8_lossy(&output.stderr));
+        assert_eq!(output.status.code(), Some(0), "{arguments}");
+    }
 }

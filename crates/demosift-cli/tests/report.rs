@@ -62,7 +62,7 @@ fn looked_at(scratch: &Scratch, page: &str, size: &str) -> Option<Value> {
     std::fs::write(&file, probed).unwrap();
     let output = Command::new("chromium")
         .args(
-            "--headless --no-sandbox --disable-quic --no-first-run --disable-background-networking"
+            "--headless --no-sandbox --disable-dev-shm-usage --disable-quic --no-first-run --disable-background-networking"
                 .split(' '),
         )
         .args("--disable-component-update --disable-sync --use-gl=angle --use-angle=swiftshader".split(' '))
@@ -173,7 +173,7 @@ fn mistakes_are_told() {
         assert_eq!(output.status.code(), Some(2), "{arguments}");
         String::from_utf8(output.stderr).unwrap()
     };
-    assert!(complaint("report nowhere").contains("no run to resume"));
+    assert!(complaint("report nowhere").contains("not a run folder"));
     assert!(!Path::new(&scratch.0.join("nowhere")).exists());
     scratch.succeed(&format!("meta-train set {POINT_MASS} --out begun"));
     let said = complaint("report begun");

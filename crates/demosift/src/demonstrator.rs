@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::adapt::Played;
 use crate::advantage::AdvantageEstimation;
-use crate::environment::EnvVariant;
+use crate::environment::{EnvVariant, Specification};
 use crate::error::Result;
 use crate::heuristic::Score;
 use crate::observation_filter::Moments;
@@ -73,13 +73,28 @@ pub const STAGE: &str = "demonstrator";
 
 impl DemonstratorTraining {
     /// Episodes that are played before each TRPO step, as many under each variant.
-    fn episodes(&self, playground: &Playground<'_>) -> usize {
-        let task = playground.specification();
+    fn episodes(&self, task: &Specification) -> usize {
         self.batch_steps.div_ceil(task.horizon).max(2).next_multiple_of(task.variants.len())
     }
 }
 
+/// Environment steps that a whole training takes at most, where episodes last to the horizon, but for those in which an
+/// early success is confirmed: one batch for the filter, one for each update, and one in which the last policy is seen.
+pub fn steps(task: &Specification, training: &DemonstratorTraining) -> u64 {
+    ((training.updates + 2) * training.episodes(task) * task.horizon) as u64
+}
+
 impl DemonstratorState {
+    /// TRPO steps made so far.
+    pub fn updates(&self) -> usize {
+        self.updates
+    }
+
+    /// The demonstrator as it is now.
+    pub fn policy(&self) -> &Policy {
+        &self.policy
+    }
+
     /// A demonstrator that knows nothing; its filter comes from a few random episodes under every variant.
     pub fn start(playground: &Playground<'_>, training: &DemonstratorTraining, seed: &Seed) -> Result<Self> {
         use crate::observation_filter::ObservationFilter;
@@ -88,7 +103,7 @@ impl DemonstratorState {
         let policy =
             Policy::untrained(&training.policy, filter, specification.action_size, seed.of("policy"));
         let mut moments = Moments::default();
-        let episodes = training.episodes(playground);
+        let episodes = training.episodes(playground.specification());
         for played in play_all_variants(playground, &policy, episodes, &seed.of("filter"))?.concat() {
             moments.add(played.observations());
         }
@@ -165,7 +180,8 @@ fn play_stage(
     seed: &Seed,
 ) -> Result<(Vec<Vec<Trajectory>>, Stage)> {
     let seed = seed.of("play").at(state.updates);
-    let by_variant = play_all_variants(playground, &state.policy, training.episodes(playground), &seed)?;
+    let by_variant =
+        play_all_variants(playground, &state.policy, training.episodes(playground.specification()), &seed)?;
     let Outcome { success, score, task_return, .. } = outcome(playground, &by_variant.concat());
     let stage = Stage {
         updates: state.updates,

@@ -33,7 +33,7 @@ use crate::trpo::TrustRegion;
 use crate::uncertainty::{self, Resampling, Uncertainty};
 
 pub use keeping::Keeping;
-use keeping::stage_name;
+pub(crate) use keeping::{begun, stage_name};
 
 /// Everything that a run depends on, besides the demonstrations and the task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -106,6 +106,7 @@ pub struct Selection {
 /// The whole job.
 pub fn sift(run: &mut Run<'_>) -> Result<Sifted> {
     check(run.set, run.playground.specification(), run.config)?;
+    check_budget(run.set, run.playground, run.config)?;
     let prior = prior(run)?;
     let scores = scores(run, &prior)?;
     let data_only = data_only(run)?;
@@ -360,17 +361,26 @@ impl Wanted {
 
 /// How the run's method spends its budget.
 pub fn plan(run: &Run<'_>) -> Plan {
-    let Config { method, meta_train, inner, mutual_information, judge, .. } = run.config;
-    let asked = Asked { training: meta_train, inner, information: mutual_information, judging: judge };
-    method::plan(*method, run.set, run.playground, &asked, &learning_seed(run.config))
+    let Run { set, playground, config, .. } = run;
+    method::plan(config.method, set, playground, &asked(config), &learning_seed(config))
 }
 
-fn learning_seed(config: &Config) -> Seed {
+/// Whether the budget of the run's method pays for any learning; the error says what would.
+pub fn check_budget(set: &DemonstrationSet, playground: &Playground<'_>, config: &Config) -> Result<()> {
+    method::check_budget(config.method, set, playground, &asked(config), &learning_seed(config))
+}
+
+fn asked(config: &Config) -> Asked<'_> {
+    let Config { meta_train, inner, mutual_information, judge, .. } = config;
+    Asked { training: meta_train, inner, information: mutual_information, judging: judge }
+}
+
+pub(crate) fn learning_seed(config: &Config) -> Seed {
     Seed::new(config.seed).of("meta_train")
 }
 
 /// Mutual information, where the method has any.
-fn information(config: &Config) -> Option<&MutualInformation> {
+pub(crate) fn information(config: &Config) -> Option<&MutualInformation> {
     (config.method == Method::MamlMi).then_some(&config.mutual_information)
 }
 
@@ -440,6 +450,11 @@ pub fn judging_seed(config: &Config) -> Seed {
     Seed::new(config.seed).of("judge")
 }
 
+/// The random numbers of the selection by weights.
+pub(crate) fn weighing_seed(config: &Config) -> Seed {
+    Seed::new(config.seed).of(subset_selection::STAGE)
+}
+
 /// MetaPrior → Weighing: a subset by weights (Algorithm 3), with the trends of the weights.
 pub fn weighing(run: &mut Run<'_>, prior: &MetaPrior) -> Result<Weighing> {
     if let Some(weighing) = Artifact::recall(run.ledger, "")? {
@@ -447,7 +462,7 @@ pub fn weighing(run: &mut Run<'_>, prior: &MetaPrior) -> Result<Weighing> {
     }
     check_has_weights(run.config.method)?;
     let Run { set, playground, config, ledger, observer } = run;
-    let seed = Seed::new(config.seed).of(subset_selection::STAGE);
+    let seed = weighing_seed(config);
     let start = || Ok(WeighingState::start(set, prior.clone(), information(config), &seed.of("start")));
     let stage = subset_selection::STAGE;
     let (state, mut keeping) = Keeping::begin((*ledger, *observer), playground, stage, "", start)?;
@@ -521,7 +536,12 @@ pub fn learning_curve(run: &mut Run<'_>, part: &str, demos: &[DemoId]) -> Result
 /// The oracle (from scratch on one demonstration alone) with a seed of its own, which no other stage shares.
 pub fn oracle(run: &mut Run<'_>, demo: DemoId, repeat: usize) -> Result<LearningCurve> {
     let seed = Seed::new(run.config.seed).of("oracle").at(repeat);
-    learning_curve_with(run, &format!("oracle_{demo}_{repeat}"), &[demo], &seed)
+    learning_curve_with(run, &oracle_part(demo, repeat), &[demo], &seed)
+}
+
+/// Under which name the oracle's imitations are kept.
+pub(crate) fn oracle_part(demo: DemoId, repeat: usize) -> String {
+    format!("oracle_{demo}_{repeat}")
 }
 
 /// From scratch on a random subset of so many demonstrations, with the random numbers of the kept one; `number` tells
@@ -530,7 +550,12 @@ pub fn random_subset(run: &mut Run<'_>, size: usize, number: usize) -> Result<Le
     use rand::seq::IndexedRandom;
     let mut rng = Seed::new(run.config.seed).of("random_subset").at(number).into_rng();
     let demos: Vec<DemoId> = run.set.ids().sample(&mut rng, size).copied().collect();
-    learning_curve(run, &format!("random_{number}"), &demos)
+    learning_curve(run, &random_part(number), &demos)
+}
+
+/// Under which name the imitations of random subsets are kept.
+pub(crate) fn random_part(number: usize) -> String {
+    format!("random_{number}")
 }
 
 fn learning_curve_with(

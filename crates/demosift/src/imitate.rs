@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::adapt::{self, InnerUpdate, Learner, Played, Rule};
 use crate::demonstration::{DemoId, DemonstrationSet};
-use crate::environment::EnvVariant;
+use crate::environment::{EnvVariant, Specification};
 use crate::error::{Error, Result};
 use crate::gail;
 use crate::heuristic::Score;
@@ -112,6 +112,11 @@ impl ImitationState {
         &self.demos
     }
 
+    /// Updates made so far.
+    pub fn updates(&self) -> usize {
+        self.updates
+    }
+
     /// How much is done of how much there is to do: environment steps, or updates of behavioral cloning.
     fn progress(&self, imitation: &Imitation) -> (usize, usize) {
         let (done, total) = match imitation.update.imitation {
@@ -120,6 +125,26 @@ impl ImitationState {
         };
         (done.min(total), total)
     }
+}
+
+/// Updates that an imitation makes, where episodes last to the horizon.
+pub fn updates(task: &Specification, imitation: &Imitation) -> usize {
+    match imitation.update.imitation {
+        Rule::Gail => {
+            imitation.environment_steps.div_ceil(imitation.update.episodes(task.horizon) * task.horizon)
+        }
+        Rule::BehavioralCloning => imitation.cloning_updates,
+    }
+}
+
+/// Environment steps that an imitation takes, evaluations among them, where episodes last to the horizon.
+pub fn steps(task: &Specification, imitation: &Imitation) -> u64 {
+    let updates = updates(task, imitation);
+    // Besides those on the way, one at the end, and one of the best policy.
+    let evaluations = updates.div_ceil(imitation.evaluate_every.max(1)) + 2;
+    let evaluating = evaluations * imitation.evaluations * task.variants.len();
+    let learning = updates * imitation.update.episodes(task.horizon);
+    ((learning + evaluating) * task.horizon) as u64
 }
 
 /// Imitates the demonstrations that `state` is about from scratch; `part` names this imitation among others in events.

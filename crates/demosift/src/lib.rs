@@ -54,6 +54,7 @@ pub mod environment;
 pub mod error;
 pub mod experiment;
 pub mod files;
+pub mod forecast;
 pub mod gail;
 pub mod heuristic;
 pub mod imitate;

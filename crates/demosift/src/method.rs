@@ -24,6 +24,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::adapt::{InnerUpdate, Rule};
 use crate::demonstration::DemonstrationSet;
+use crate::error::{Error, Result};
 use crate::judge::{self, Judging};
 use crate::meta_train::{self, MetaTraining, MutualInformation};
 use crate::pre_train;
@@ -167,6 +168,38 @@ fn plan_by_updates(
     };
     let judging = Judging { iterations, ..judging.clone() };
     Plan { quota: learned + judge::steps(set.len(), task, &judging, inner), updates, iterations }
+}
+
+/// Whether the budget pays for any learning, where some is asked for.
+///
+/// # Errors
+/// `is_bad_config` if it does not; says what would be enough.
+pub fn check_budget(
+    method: Method,
+    set: &DemonstrationSet,
+    playground: &Playground<'_>,
+    asked: &Asked<'_>,
+    seed: &Seed,
+) -> Result<()> {
+    let Asked { training, inner, information, .. } = *asked;
+    let learns = method.stage().is_some() && training.rounds > 0;
+    if !learns || plan(method, set, playground, asked, seed).updates > 0 {
+        return Ok(());
+    }
+    let rounds =
+        |information| meta_train::steps_by_round(set, playground, (training, inner, information), seed);
+    let price = match method {
+        Method::AvgFineTune => pre_train::steps_of_update(inner, playground.specification().horizon),
+        _ => rounds(Some(information)).next().unwrap_or(0),
+    };
+    let budget: u64 = rounds(None).take(training.rounds).sum();
+    // As many as the first is affordable after, and one more if that is not exactly its price.
+    let enough = 1 + affordable(rounds(None), price.saturating_sub(1));
+    Err(Error::bad_config(format!(
+        "meta_train.rounds = {} gives learning a budget of {budget} environment steps, and the first step of {method} \
+         takes {price}; meta_train.rounds must be at least {enough}",
+        training.rounds
+    )))
 }
 
 /// How many things in a row can be paid for.

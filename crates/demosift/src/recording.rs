@@ -211,6 +211,11 @@ fn shuffled_order(count: usize, seed: Seed) -> Vec<usize> {
 /// Episodes that a stage plays for a demonstration; odd, so that there is a median.
 const EPISODES_PER_DEMONSTRATION: usize = 15;
 
+/// Environment steps that are played for a demonstration, where episodes last to the horizon.
+pub fn steps_of_demonstration(horizon: usize) -> usize {
+    EPISODES_PER_DEMONSTRATION * horizon
+}
+
 /// The episode of median score among a few that a stage plays: neither its luckiest nor its worst.
 fn median_episode(
     playground: &Playground<'_>,

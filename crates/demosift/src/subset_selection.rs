@@ -198,23 +198,33 @@ fn fine_tune(round: &Round<'_>, meta: MetaState, observer: &mut dyn Observer) ->
     let (rounds, meta_batch) = (meta.rounds + selection.meta_updates, round.set.len());
     let training = MetaTraining { rounds, meta_batch, ..training.clone() };
     let learning = (&training, inner, information);
-    let seed = round.seed.of("meta_train");
+    let seed = fine_tuning_seed(round.seed);
     let mut within = Within { observer, round: round.number };
     meta_train::meta_train(round.set, round.playground, learning, meta, &seed, &mut within)
+}
+
+/// The random numbers of all meta-updates of line 3.
+pub(crate) fn fine_tuning_seed(seed: &Seed) -> Seed {
+    seed.of("meta_train")
 }
 
 /// Lines 4 and 5: S of θ and after imitating each demonstration for a few iterations.
 fn assess(round: &Round<'_>, prior: &MetaPrior, observer: &mut dyn Observer) -> Result<ScoreTable> {
     let Means { selection, inner, judging, .. } = *round.means;
-    let iterations = selection.iterations;
-    let averaged = judging.averaged.min(iterations);
-    let few = Judging { iterations, averaged, repeats: 1, ..judging.clone() };
+    let few = assessing(selection, judging);
     let seed = round.seed.of("judge").at(round.number);
     let mut within = Within { observer, round: round.number };
     let listening = (&seed, &mut within as &mut dyn Observer);
     let judged =
         judge::judge(prior, round.set, round.playground, (&few, inner), Judged::default(), listening)?;
     Ok(judged.scores)
+}
+
+/// Judging as a round does it: each demonstration once, by few iterations.
+pub(crate) fn assessing(selection: &SubsetSelection, judging: &Judging) -> Judging {
+    let iterations = selection.iterations;
+    let averaged = judging.averaged.min(iterations);
+    Judging { iterations, averaged, repeats: 1, ..judging.clone() }
 }
 
 /// Line 6: Δ_i = (S_{v_i}|e_j by the spread of the scores under e_j), the mean over all e_j, `[n]`.

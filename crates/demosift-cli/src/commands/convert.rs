@@ -6,14 +6,17 @@ use demosift::demonstration::source::{Episode, Source};
 use demosift::demonstration::{self, lerobot, minari};
 use demosift::trajectory::StateLog;
 use demosift::{Error, Result};
+use serde_json::json;
 
 use crate::arguments::{ConvertArguments, Target};
-use crate::demonstrations::{self, Demonstrations};
+use crate::demonstrations;
 use crate::{task, terminal};
 
 pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
-    let Demonstrations { source, path, .. } =
-        demonstrations::open(Some(&arguments.demonstrations), &arguments.source, None)?;
+    let (source, path) =
+        demonstrations::open_unchecked(Some(&arguments.demonstrations), &arguments.source, None)?;
+    // One is not enough to choose from, and enough to convert.
+    source.demonstrations().map_err(|error| error.at(&path))?;
     let out = &arguments.out;
     match arguments.to {
         Target::Lerobot => {
@@ -25,11 +28,15 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
         Target::Minari => minari::write(out, &source.episodes, &minari_id(out))?,
     }
     let total: usize = source.episodes.iter().map(|episode| episode.actions.len()).sum();
-    terminal::show(&format!(
-        "{} episodes of {total} steps in all: {}\n",
-        source.episodes.len(),
-        out.display()
-    ));
+    if arguments.json {
+        terminal::show_json(&json!({ "episodes": source.episodes.len(), "steps": total, "out": out }));
+        return Ok(());
+    }
+    let count = match source.episodes.len() {
+        1 => "1 episode".to_owned(),
+        several => format!("{several} episodes"),
+    };
+    terminal::show(&format!("{count} of {total} steps in all: {}\n", out.display()));
     Ok(())
 }
 

@@ -1,11 +1,12 @@
 //! `demosift imitate`: Subset → LearningCurve.
 
 use demosift::demonstration::{DemoId, DemonstrationSet};
+use demosift::forecast::Goal;
 use demosift::{Error, Result};
 use demosift::{experiment, metrics};
 use serde_json::json;
 
-use super::{kept_in, select};
+use super::{dry_run, kept_in, select};
 use crate::arguments::ImitateArguments;
 use crate::job::Job;
 use crate::{tables, terminal};
@@ -13,8 +14,13 @@ use crate::{tables, terminal};
 pub(crate) fn run(arguments: &ImitateArguments) -> Result<()> {
     let ids = &arguments.demonstration_ids;
     let mut job = Job::open_checked(&arguments.job, |set, _| check(ids, set))?;
-    let json = arguments.job.run.json;
-    if ids.is_empty() { compare(&mut job, json) } else { imitate_named(&mut job, &named(ids), json) }
+    let (run, demos) = (&arguments.job.run, named(ids));
+    match (demos.is_empty(), run.dry_run) {
+        (true, true) => dry_run::of_job(&mut job, Goal::Comparison, run),
+        (false, true) => dry_run::of_job(&mut job, Goal::Policy(&part(&demos), &demos), run),
+        (true, false) => compare(&mut job, run.json),
+        (false, false) => imitate_named(&mut job, &demos, run.json),
+    }
 }
 
 /// The selected subset beside the whole set.
@@ -42,8 +48,7 @@ fn compare(job: &mut Job, json: bool) -> Result<()> {
 }
 
 fn imitate_named(job: &mut Job, demos: &[DemoId], json: bool) -> Result<()> {
-    let part = demos.iter().fold("demonstrations".to_owned(), |name, demo| format!("{name}_{demo}"));
-    let curve = job.run(|run| experiment::learning_curve(run, &part, demos))?;
+    let curve = job.run(|run| experiment::learning_curve(run, &part(demos), demos))?;
     if json {
         terminal::show_json(&json!({
             "demonstrations": demos,
@@ -59,6 +64,11 @@ fn imitate_named(job: &mut Job, demos: &[DemoId], json: bool) -> Result<()> {
     ));
     terminal::show(&kept_in(job.folder()));
     Ok(())
+}
+
+/// Under which name the policy from these is kept.
+fn part(demos: &[DemoId]) -> String {
+    demos.iter().fold("demonstrations".to_owned(), |name, demo| format!("{name}_{demo}"))
 }
 
 fn check(ids: &[usize], set: &DemonstrationSet) -> Result<()> {

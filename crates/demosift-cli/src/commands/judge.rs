@@ -1,10 +1,11 @@
 //! `demosift judge`: MetaPrior → ScoreTable.
 
 use demosift::experiment;
+use demosift::forecast::Goal;
 use demosift::{Result, select};
 use serde_json::json;
 
-use super::kept_in;
+use super::{dry_run, kept_in};
 use crate::arguments::JobArguments;
 use crate::job::Job;
 use crate::tables::by_variant;
@@ -14,6 +15,9 @@ use crate::terminal;
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = Job::open(arguments)?;
+    if arguments.run.dry_run {
+        return dry_run::of_job(&mut job, Goal::Scores, &arguments.run);
+    }
     let (scores, uncertainty, data_only) = job.run(|run| {
         let prior = experiment::prior(run)?;
         let scores = experiment::scores(run, &prior)?;

@@ -2,10 +2,11 @@
 
 use demosift::Result;
 use demosift::experiment;
+use demosift::forecast::Goal;
 use demosift::method::Method;
 use serde_json::json;
 
-use super::kept_in;
+use super::{dry_run, kept_in};
 use crate::arguments::JobArguments;
 use crate::job::Job;
 use crate::tables::costs;
@@ -13,6 +14,9 @@ use crate::terminal;
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = Job::open(arguments)?;
+    if arguments.run.dry_run {
+        return dry_run::of_job(&mut job, Goal::Prior, &arguments.run);
+    }
     job.run(experiment::prior)?;
     let costs = job.costs()?;
     if arguments.run.json {

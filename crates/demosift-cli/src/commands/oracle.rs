@@ -3,6 +3,7 @@
 use demosift::artifact::Artifact;
 use demosift::demonstration::DemoId;
 use demosift::experiment::Run;
+use demosift::forecast::Goal;
 use demosift::heuristic::Score;
 use demosift::imitate::LearningCurve;
 use demosift::metrics::AgainstRandom;
@@ -10,7 +11,7 @@ use demosift::select::Ranking;
 use demosift::{Error, Result, experiment, metrics};
 use serde_json::json;
 
-use super::kept_in;
+use super::{dry_run, kept_in};
 use crate::arguments::OracleArguments;
 use crate::job::Job;
 use crate::tables::{self, Scale};
@@ -29,13 +30,14 @@ pub(crate) fn run(arguments: &OracleArguments) -> Result<()> {
         return Err(Error::bad_config("--repeats 0: must be at least 1"));
     }
     let mut job = Job::open(&arguments.job)?;
+    if arguments.job.run.dry_run {
+        job.run(|run| kept(run, arguments.random))?;
+        let goal = Goal::Oracle { repeats: arguments.repeats, random: arguments.random };
+        return dry_run::of_job(&mut job, goal, &arguments.job.run);
+    }
     let ids = job.set().ids();
     let (alone, ranking, worth) = job.run(|run| {
-        let kept = LearningCurve::recall(run.ledger, "subset")?;
-        if arguments.random > 0 && kept.is_none() {
-            return Err(Error::bad_config("--random compares with the policy from the kept demonstrations, which the run folder does not hold")
-                .with_hint("`demosift imitate --out DIR --resume` makes it"));
-        }
+        let kept = kept(run, arguments.random)?;
         let (mut alone, mut curves) = (Vec::with_capacity(ids.len()), Vec::new());
         for &demo in &ids {
             let of_demo = (0..arguments.repeats)
@@ -73,6 +75,16 @@ pub(crate) fn run(arguments: &OracleArguments) -> Result<()> {
     terminal::show(&worth.map_or(String::new(), |worth| worth.in_words(job.unit())));
     terminal::show(&kept_in(job.folder()));
     Ok(())
+}
+
+/// The policy from the kept demonstrations, which random subsets are compared with.
+fn kept(run: &Run<'_>, random: usize) -> Result<Option<LearningCurve>> {
+    let kept = LearningCurve::recall(run.ledger, "subset")?;
+    if random > 0 && kept.is_none() {
+        return Err(Error::bad_config("--random compares with the policy from the kept demonstrations, which the run folder does not hold")
+            .with_hint("`demosift imitate --out DIR --resume` makes it"));
+    }
+    Ok(kept)
 }
 
 /// What the policy from the kept demonstrations is worth beside others.

@@ -6,8 +6,10 @@ use std::path::Path;
 
 use demosift::artifact::{self, Artifact as _, onnx};
 use demosift::demonstration::d4rl::{self, Episode, States};
+use demosift::demonstration::source::RECORDED;
 use demosift::demonstrator::{self, DemonstratorState, DemonstratorTraining, Outcome, Stage};
 use demosift::experiment::{self, Keeping};
+use demosift::forecast::{self, By, Forecast};
 use demosift::ledger::Ledger as _;
 use demosift::recording::{self, Origin, Part, Recorded};
 use demosift::rollout::Playground;
@@ -19,10 +21,10 @@ use serde_json::json;
 use toml::{Table, Value};
 
 use self::source::{Guest, Source};
-use super::kept_in;
+use super::{dry_run, kept_in};
 use crate::arguments::{RecordArguments, RunArguments};
 use crate::configuration;
-use crate::job::{self, Plan, SET_FILE};
+use crate::job::{self, Plan};
 use crate::metrics_file::MetricsFile;
 use crate::run_folder::RunFolder;
 use crate::tables::{self, Scale};
@@ -85,7 +87,10 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<()> {
     let values = values(arguments, given, &plan)?;
     let recording: Recording = configuration::typed(values.clone())?;
     check(&recording, &plan)?;
-    let mut folder = plan.open_folder(None, &values)?;
+    let mut folder = plan.open_folder(None, &values, arguments.run.dry_run)?;
+    if arguments.run.dry_run {
+        return foresee(&plan, &recording, &folder, &arguments.run);
+    }
     let (provenance, unseen) =
         match (recall(&folder, PROVENANCE_FILE)?, recall(&folder, UNSEEN_PROVENANCE_FILE)?) {
             (Some(provenance), unseen) => (provenance, unseen),
@@ -180,6 +185,33 @@ fn check(recording: &Recording, plan: &Plan) -> Result<()> {
     Ok(())
 }
 
+/// What the recording would cost.
+fn foresee(plan: &Plan, recording: &Recording, folder: &RunFolder, arguments: &RunArguments) -> Result<()> {
+    let guests = recording.guests.len();
+    let trained = match &recording.recorded_from {
+        Some(source) => source.stages(&plan.chosen)?.pop(),
+        None => None,
+    };
+    let by = match (&recording.demonstrator, &trained) {
+        (_, Some(last)) => By::Trained(&last.policy),
+        (Some(training), None) => By::Training(training),
+        (None, None) => return Err(Error::bad_input("the demonstrator has no stages")),
+    };
+    let asked = forecast::Recording {
+        by,
+        demonstrations: recording.count + recording.unseen,
+        demonstrators: guests + 1,
+        assessed: FINAL_EPISODES,
+    };
+    let playground = Playground::new(plan.chosen.task.as_ref());
+    let foreseen = match recall(folder, PROVENANCE_FILE)? {
+        Some(_) => Forecast::nothing(),
+        None => forecast::forecast_recording(&playground, &asked, folder, &mut dry_run::clock())?,
+    };
+    dry_run::show(&foreseen, folder.path(), arguments);
+    Ok(())
+}
+
 /// A set's provenance, if the set is whole.
 fn recall(folder: &RunFolder, name: &str) -> Result<Option<Provenance>> {
     let Some(bytes) = folder.recall(name)? else { return Ok(None) };
@@ -211,7 +243,7 @@ fn make(
         visitors.push(finished(playground, &guest.stages, &seed.of("final of guest").at(index))?);
     }
     let recorded = recording::record(&parts, &seed)?;
-    write(&folder.path().join(SET_FILE), &recorded)?;
+    write(&folder.path().join(RECORDED), &recorded)?;
 
     let unseen = if recording.unseen > 0 {
         let others = recording::other_stages(&stages, &parts[0].stages, recording.unseen);

@@ -9,6 +9,7 @@ use demosift::{Result, experiment, files, report};
 use serde_json::json;
 
 use crate::arguments::ReportArguments;
+use crate::interruption::undisturbed;
 use crate::job::Job;
 use crate::report::{page, replay};
 use crate::run_folder;
@@ -18,6 +19,7 @@ use crate::terminal;
 const PAGE: &str = "report.html";
 
 pub(crate) fn run(arguments: &ReportArguments) -> Result<()> {
+    run_folder::of_finished(&arguments.run_folder)?;
     let mut job = Job::open(&arguments.job())?;
     if !arguments.json {
         let page = write(&mut job)?;
@@ -73,6 +75,6 @@ fn write_found(job: &mut Job, found: &Found) -> Result<PathBuf> {
     };
     let html = page::html(&found.report, &made, &replay);
     let path = job.folder().path().join(PAGE);
-    files::write_atomically(&path, html.as_bytes())?;
+    undisturbed(|| files::write_atomically(&path, html.as_bytes()))?;
     Ok(path)
 }

@@ -3,11 +3,12 @@
 use demosift::Result;
 use demosift::artifact::Artifact;
 use demosift::experiment::{self, Run, Selection};
+use demosift::forecast::Goal;
 use demosift::select::Keep;
 use demosift::subset_selection::Weighing;
 use serde_json::json;
 
-use super::kept_in;
+use super::{dry_run, kept_in};
 use crate::arguments::JobArguments;
 use crate::job::Job;
 use crate::tables::judgment::{self, Judgment};
@@ -16,6 +17,9 @@ use crate::terminal;
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = Job::open(arguments)?;
+    if arguments.run.dry_run {
+        return dry_run::of_job(&mut job, Goal::Selection, &arguments.run);
+    }
     let Selection { ranking, uncertainty, subset } = job.run(selection)?;
     let (weighing, costs) = (weighing(&mut job)?, job.costs()?);
     if arguments.run.json {

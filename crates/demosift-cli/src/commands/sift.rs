@@ -2,11 +2,12 @@
 
 use demosift::Result;
 use demosift::experiment::{self, Selection, Sifted};
+use demosift::forecast::Goal;
 use demosift::method::Costs;
 use demosift::subset_selection::Weighing;
 use serde_json::json;
 
-use super::{kept_in, report, select};
+use super::{dry_run, kept_in, report, select};
 use crate::arguments::JobArguments;
 use crate::job::Job;
 use crate::own_heuristic::Beside;
@@ -17,6 +18,9 @@ use crate::{tables, terminal};
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = Job::open(arguments)?;
+    if arguments.run.dry_run {
+        return dry_run::of_job(&mut job, Goal::Comparison, &arguments.run);
+    }
     let sifted = job.run(experiment::sift)?;
     let (weighing, costs) = (select::weighing(&mut job)?, job.costs()?);
     let Sifted { selection, from_subset, from_all, gain, .. } = &sifted;

@@ -2,9 +2,10 @@
 
 use demosift::Result;
 use demosift::experiment::{self, Config};
+use demosift::forecast::Goal;
 use serde_json::json;
 
-use super::kept_in;
+use super::{dry_run, kept_in};
 use crate::arguments::JobArguments;
 use crate::job::Job;
 use crate::tables::{costs, weights};
@@ -13,6 +14,9 @@ use crate::terminal;
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let check = |_: &_, config: &Config| experiment::check_has_weights(config.method);
     let mut job = Job::open_checked(arguments, check)?;
+    if arguments.run.dry_run {
+        return dry_run::of_job(&mut job, Goal::Weighing, &arguments.run);
+    }
     let weighing = job.run(|run| {
         let prior = experiment::prior(run)?;
         experiment::weighing(run, &prior)

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use demosift::demonstration::source;
 use demosift::report::Report;
 use serde::Serialize;
 
@@ -44,17 +45,28 @@ pub(crate) fn html(report: &Report, made: &Made<'_>, replay: &Replay) -> String 
     // Inside a script nothing but `<` can end it, and JSON has another way to write it.
     let data = data.replace('<', "\\u003c");
     let title = format!("{}: {} demonstrations", escaped(&report.task), report.entries.len());
-    let mut page = TEMPLATE.replacen("{{TITLE}}", &title, 1);
+    let mut page = TEMPLATE.to_owned();
     for (name, text) in PARTS {
         page = page.replacen(&format!("{{{{{name}}}}}"), text, 1);
     }
-    page.replacen("{{DATA}}", &data, 1)
+    // What users write comes last, and of this the data first, so that a title which looks like a place is no place.
+    let place = page.find("{{TITLE}}").expect("the template has a title");
+    page = page.replacen("{{DATA}}", &data, 1);
+    page.replace_range(place..place + "{{TITLE}}".len(), &title);
+    page
 }
 
 /// The folder or file that holds the set, without the way to it.
 pub(crate) fn name_of_set(path: &Path) -> String {
-    let is_plain = path.file_name().is_some_and(|name| name == crate::job::SET_FILE);
-    let named = if is_plain { path.parent().unwrap_or(path) } else { path };
+    let within = |path: &Path, named: &str| path.file_name().is_some_and(|name| name == named);
+    let mut named = path;
+    if within(named, source::RECORDED) || within(named, source::MINARI_HDF5) {
+        named = named.parent().unwrap_or(named);
+    }
+    // Minari keeps its files in a folder of that name, below that of the set.
+    if within(named, "data") {
+        named = named.parent().unwrap_or(named);
+    }
     named.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
@@ -82,5 +94,7 @@ mod tests {
     fn a_set_goes_by_the_name_of_its_folder() {
         assert_eq!(name_of_set(Path::new("/there/free_throw_8/demonstrations.hdf5")), "free_throw_8");
         assert_eq!(name_of_set(Path::new("/there/mine.hdf5")), "mine.hdf5");
+        assert_eq!(name_of_set(Path::new("/there/pen/human-v2/data/main_data.hdf5")), "human-v2");
+        assert_eq!(name_of_set(Path::new("/there/pen/human-v2/data")), "human-v2");
     }
 }

@@ -193,10 +193,12 @@
 
   const one = { from: new THREE.Vector3(), to: new THREE.Vector3(), a: new THREE.Quaternion(), b: new THREE.Quaternion() };
   function pose(episode) {
-    const at = Math.min(state.secs / report.control_step_secs, episode.steps - 1) / episode.stride;
-    const frame = Math.min(Math.floor(at), episode.frames - 1);
+    const step = Math.min(state.secs / report.control_step_secs, episode.steps - 1);
+    const frame = Math.min(Math.floor(step / episode.stride), episode.frames - 1);
     const next = Math.min(frame + 1, episode.frames - 1);
-    const share = Math.min(1, at - frame);
+    // The last frame is that of the last step, which may be less than a stride after the one before.
+    const between = Math.min(episode.stride, episode.steps - 1 - frame * episode.stride);
+    const share = between > 0 ? Math.min(1, (step - frame * episode.stride) / between) : 0;
     bodies.forEach((body, index) => {
       body.position.lerpVectors(position(episode, frame, index, one.from), position(episode, next, index, one.to), share);
       body.quaternion.slerpQuaternions(turned(episode, frame, index, one.a), turned(episode, next, index, one.b), share);

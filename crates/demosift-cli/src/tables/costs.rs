@@ -1,7 +1,7 @@
 //! What the stages of a run cost in environment steps, beside the budget that all methods have.
 
 use demosift::method::Costs;
-use demosift::{judge, meta_train, pre_train, subset_selection};
+use demosift::{demonstrator, judge, meta_train, pre_train, subset_selection};
 use serde_json::{Map, Value, json};
 
 use super::{table, wrapped};
@@ -37,7 +37,8 @@ pub(crate) fn as_json(costs: &Costs) -> Value {
     })
 }
 
-fn in_words(stage: &str) -> String {
+/// A stage by what it does.
+pub(super) fn in_words(stage: &str) -> String {
     match stage {
         meta_train::STAGE => "learning to imitate",
         pre_train::STAGE => "imitating the entire set",
@@ -45,7 +46,11 @@ fn in_words(stage: &str) -> String {
         subset_selection::STAGE => "weighing",
         "imitate_subset" => "from scratch, the kept",
         "imitate_all" => "from scratch, all",
-        other => other,
+        "oracle" => "from scratch, each alone",
+        "random_subsets" => "from scratch, random subsets",
+        demonstrator::STAGE => "training the demonstrator",
+        "record" => "recording",
+        other => return other.replace("imitate_demonstrations_", "from scratch, ").replace('_', ", "),
     }
     .to_owned()
 }

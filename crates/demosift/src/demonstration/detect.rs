@@ -4,14 +4,9 @@ use std::fs;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use crate::demonstration::source::Format;
+use crate::demonstration::source::{Format, MINARI_HDF5, RECORDED};
 use crate::demonstration::{hdf5, lerobot, npz};
 use crate::error::{Error, Result};
-
-/// The file of a folder that `demosift record` made.
-const RECORDED: &str = "demonstrations.hdf5";
-/// The file of a Minari data set in HDF5.
-const MINARI_HDF5: &str = "main_data.hdf5";
 
 const KNOWN: &str = "known are: HDF5 files of D4RL, robomimic and Minari; npz files of baselines and imitation; \
                      folders of LeRobot (meta/info.json), Minari (data/main_data.hdf5 or data/metadata.json) \

@@ -16,6 +16,11 @@ use crate::error::{Error, Result};
 use crate::files;
 use crate::rows::Rows;
 
+/// The file of a folder that `demosift record` made.
+pub const RECORDED: &str = "demonstrations.hdf5";
+/// The file of a Minari data set in HDF5.
+pub const MINARI_HDF5: &str = "main_data.hdf5";
+
 /// A tool's way to store demonstrations; `docs/formats.md` tells each apart from the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
@@ -174,11 +179,19 @@ impl Source {
     /// # Errors
     /// `is_bad_input` if there are fewer than two, they do not fit each other, or one holds a number that is not finite.
     pub fn set(&self) -> Result<DemonstrationSet> {
+        DemonstrationSet::new(self.demonstrations()?)
+    }
+
+    /// Each episode as a demonstration, however many there are.
+    ///
+    /// # Errors
+    /// `is_bad_input` if one is empty or holds a number that is not finite.
+    pub fn demonstrations(&self) -> Result<Vec<Demonstration>> {
         let demonstrations = self.episodes.iter().map(|episode| {
             Demonstration::new(episode.observations.clone(), episode.actions.clone())
                 .map_err(|error| error.during(&format!("episode {}", episode.label)))
         });
-        DemonstrationSet::new(demonstrations.collect::<Result<_>>()?)
+        demonstrations.collect()
     }
 }
 

@@ -32,8 +32,22 @@ impl Snapshot for Counted<'_> {
 }
 
 /// A stage's part as one name.
-pub(super) fn stage_name(stage: &str, part: &str) -> String {
+pub(crate) fn stage_name(stage: &str, part: &str) -> String {
     if part.is_empty() { stage.to_owned() } else { format!("{stage}_{part}") }
+}
+
+/// Environment steps that a stage has taken up to its last checkpoint, and how much of its work is done by then; none of
+/// both, if it has not begun.
+pub(crate) fn begun<State: serde::de::DeserializeOwned>(
+    ledger: &dyn Ledger,
+    stage: &str,
+    part: &str,
+    done: impl FnOnce(&State) -> usize,
+) -> Result<(u64, usize)> {
+    let checkpoint = artifact::checkpoint_name(stage, part);
+    let Some(bytes) = ledger.recall(&checkpoint)? else { return Ok((0, 0)) };
+    let (spent, state): (u64, State) = artifact::read_checkpoint(&bytes, &checkpoint)?;
+    Ok((spent, done(&state)))
 }
 
 impl<'a> Keeping<'a> {

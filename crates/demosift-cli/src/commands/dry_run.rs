@@ -1,0 +1,41 @@
+//! `--dry-run`: what a command would cost, without doing it; the run folder is read and never written.
+
+use std::path::Path;
+use std::time::Instant;
+
+use demosift::Result;
+use demosift::forecast::{self, Forecast, Goal};
+use serde_json::json;
+
+use crate::arguments::RunArguments;
+use crate::job::Job;
+use crate::tables;
+use crate::terminal;
+
+/// Shows what a job has still to do until a goal is reached.
+pub(super) fn of_job(job: &mut Job, goal: Goal<'_>, arguments: &RunArguments) -> Result<()> {
+    let forecast = job.run(|run| forecast::forecast(run, goal, &mut clock()))?;
+    show(&forecast, job.folder().path(), arguments);
+    Ok(())
+}
+
+/// Seconds from now on.
+pub(super) fn clock() -> impl FnMut() -> f64 {
+    let start = Instant::now();
+    move || start.elapsed().as_secs_f64()
+}
+
+/// Shows a forecast.
+pub(super) fn show(forecast: &Forecast, folder: &Path, arguments: &RunArguments) {
+    let threads = rayon::current_num_threads();
+    if arguments.json {
+        let mut said = json!(forecast);
+        said["dry_run"] = json!(true);
+        said["threads"] = json!(threads);
+        said["run_folder"] = json!(folder);
+        terminal::show_json(&said);
+        return;
+    }
+    terminal::show(&tables::forecast::in_words(forecast, threads));
+    terminal::show(&format!("\nNothing was written. The run folder: {}\n", folder.display()));
+}

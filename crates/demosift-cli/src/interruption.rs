@@ -1,0 +1,104 @@
+//! Ctrl-C: a run stops at once, and says how it goes on.
+//!
+//! Nothing has to be finished first, as every file of a run is written whole or not at all, and its last checkpoint is never
+//! far back.
+//! Only a write that is under way is let through, so that nothing half-written lies about; a second Ctrl-C does not wait.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+use signal_hook::{flag, low_level};
+
+use crate::terminal;
+
+/// Held by whoever writes, and by the interruption that ends the process.
+static WRITING: Mutex<()> = Mutex::new(());
+/// The run folder, once there is one.
+static FOLDER: Mutex<Option<PathBuf>> = Mutex::new(None);
+
+/// What a shell reports of a process that a signal ended is this more than the signal's number.
+const SIGNALED: i32 = 128;
+
+/// From here on Ctrl-C and SIGTERM end the process as described above; `resumes` says whether the command goes on with
+/// `--resume`.
+///
+/// Where the system refuses, they end it as they end any other, which a run survives just as well.
+pub(crate) fn listen(resumes: bool) {
+    let again = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        // In this order: the first signal finds the flag down and raises it, the second finds it raised.
+        let _ = flag::register_conditional_shutdown(signal, SIGNALED + signal, Arc::clone(&again));
+        let _ = flag::register(signal, Arc::clone(&again));
+    }
+    if let Ok(mut signals) = Signals::new([SIGINT, SIGTERM]) {
+        std::thread::spawn(move || signals.forever().take(1).for_each(|signal| stop(signal, resumes)));
+    }
+}
+
+/// Where the run is that the interruption should name.
+pub(crate) fn run_is_in(folder: &Path) {
+    *lock(&FOLDER) = Some(folder.to_owned());
+}
+
+/// Writes something whole before an interruption may end the process.
+pub(crate) fn undisturbed<T>(write: impl FnOnce() -> T) -> T {
+    let _writing = lock(&WRITING);
+    write()
+}
+
+fn stop(signal: i32, resumes: bool) {
+    // Never given back: from here on nothing more is written.
+    let _writing = lock(&WRITING);
+    let folder = lock(&FOLDER);
+    match folder.as_deref() {
+        Some(folder) if resumes => terminal::say_stopped(folder, &command_to_resume(std::env::args())),
+        _ => terminal::say_stopped_only(),
+    }
+    // Not through destructors: other threads still work on what these would take away.
+    low_level::exit(SIGNALED + signal);
+}
+
+/// The command as it was typed, going on.
+fn command_to_resume(typed: impl Iterator<Item = String>) -> String {
+    let mut words: Vec<String> = typed.map(|word| quoted(&word)).collect();
+    if !words.iter().any(|word| word == "--resume") {
+        words.push("--resume".to_owned());
+    }
+    words.join(" ")
+}
+
+/// A word as a shell reads it back.
+fn quoted(word: &str) -> String {
+    let plain = |letter: char| letter.is_ascii_alphanumeric() || "_-./=,:+@%".contains(letter);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_that_goes_on_can_be_pasted_into_a_shell() {
+        let typed = ["demosift", "sift", "my set", "--set", "imitate.update.alphas=[1, 2]"];
+        assert_eq!(
+            command_to_resume(typed.into_iter().map(str::to_owned)),
+            "demosift sift 'my set' --set 'imitate.update.alphas=[1, 2]' --resume"
+        );
+        let typed = ["demosift", "judge", "--resume", "--out", "it's", ""];
+        assert_eq!(
+            command_to_resume(typed.into_iter().map(str::to_owned)),
+            r"demosift judge --resume --out 'it'\''s' ''"
+        );
+    }
+}

@@ -1,0 +1,257 @@
+//! What a forecast counts is what a run then plays, to the step; and it keeps nothing and plays the same by any clock.
+#![allow(clippy::unwrap_used)]
+
+use std::collections::BTreeMap;
+
+use demosift::Result;
+use demosift::adapt::{InnerUpdate, Rule};
+use demosift::artifact::Artifact as _;
+use demosift::behavioral_cloning::Cloning;
+use demosift::demonstration::{DemoId, DemonstrationSet};
+use demosift::demonstrator::{self, DemonstratorState, DemonstratorTraining};
+use demosift::experiment::{self, Config, Keeping, Run};
+use demosift::forecast::{self, By, Goal, Planned, Recording};
+use demosift::imitate::Imitation;
+use demosift::judge::Judging;
+use demosift::ledger::{InMemory, Ledger};
+use demosift::meta_train::{MetaTraining, MutualInformation};
+use demosift::method::Method;
+use demosift::mutual_information::PosteriorFitting;
+use demosift::observer::Silent;
+use demosift::point_mass::{PointMass, planted_set};
+use demosift::policy::PolicyShape;
+use demosift::preset::Preset;
+use demosift::recording::{self, Part};
+use demosift::rollout::Playground;
+use demosift::seed::Seed;
+use demosift::select::Keep;
+use demosift::subset_selection::SubsetSelection;
+use demosift::trpo::TrustRegion;
+
+fn tiny(method: Method, rule: Rule) -> Config {
+    let quick = Preset::Quick.config();
+    let posterior = PosteriorFitting { lstm: 4, dense: 4, readings: 5, ..quick.mutual_information.posterior };
+    // Under behavioral cloning something is played for the curve alone.
+    let cloning = Cloning { curve_episodes: 2, ..quick.inner.cloning.clone() };
+    let update = Cloning { curve_episodes: 1, ..quick.imitate.update.cloning.clone() };
+    Config {
+        method,
+        policy: PolicyShape { hidden: vec![4], initial_std: 0.5 },
+        inner: InnerUpdate { imitation: rule, batch_steps: 100, cloning, ..quick.inner },
+        meta_train: MetaTraining {
+            rounds: 9,
+            meta_batch: 3,
+            discriminator_hidden: vec![4],
+            checkpoint_every: 2,
+            ..quick.meta_train
+        },
+        mutual_information: MutualInformation { batch_steps: 70, posterior, ..quick.mutual_information },
+        judge: Judging { iterations: 3, averaged: 2, evaluations: 3, repeats: 2, ..quick.judge },
+        // Never steady, so that all rounds are made.
+        subset_selection: SubsetSelection {
+            rounds: 2,
+            steady_rounds: 3,
+            meta_updates: 2,
+            iterations: 2,
+            ..quick.subset_selection
+        },
+        imitate: Imitation {
+            environment_steps: 1000,
+            cloning_updates: 5,
+            update: InnerUpdate {
+                imitation: rule,
+                batch_steps: 100,
+                cloning: update,
+                ..quick.imitate.update
+            },
+            discriminator_hidden: vec![4],
+            evaluate_every: 3,
+            evaluations: 4,
+            checkpoint_every: 2,
+            ..quick.imitate
+        },
+        ..quick
+    }
+}
+
+fn set() -> DemonstrationSet {
+    planted_set(&[0.0, 90.0, 180.0, 270.0, 45.0], Seed::new(1)).unwrap()
+}
+
+/// Environment steps by stage.
+fn counted(planned: &[Planned]) -> BTreeMap<String, u64> {
+    planned.iter().map(|planned| (planned.stage.clone(), planned.environment_steps)).collect()
+}
+
+/// What each stage of a whole job is said to cost before, and what it then plays.
+fn before_and_after(task: &PointMass, config: &Config) -> (BTreeMap<String, u64>, BTreeMap<String, u64>) {
+    let (set, playground) = (set(), Playground::new(task));
+    let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
+    let run = &mut Run { set: &set, playground: &playground, config, ledger, observer };
+    let planned = forecast::planned(run, Goal::Comparison).unwrap();
+    assert_eq!(playground.steps_taken(), 0, "counting plays nothing");
+    experiment::sift(run).unwrap();
+    assert_eq!(forecast::planned(run, Goal::Comparison).unwrap(), [], "a finished run costs nothing");
+    let costs = experiment::costs(run).unwrap();
+    let spent: BTreeMap<String, u64> =
+        costs.spent.into_iter().map(|(stage, spent)| (stage, spent.environment_steps)).collect();
+    assert_eq!(spent.values().sum::<u64>(), playground.steps_taken());
+    (counted(&planned), spent)
+}
+
+#[test]
+fn what_is_counted_is_what_is_played() {
+    for (task, rule) in [
+        (PointMass::new(), Rule::Gail),
+        (PointMass::with_goals(3), Rule::Gail),
+        (PointMass::with_goals(2), Rule::BehavioralCloning),
+    ] {
+        for (name, method) in Method::ALL {
+            let (planned, spent) = before_and_after(&task, &tiny(method, rule));
+            assert_eq!(planned, spent, "{name}, {rule:?}");
+        }
+        for method in [Method::Maml, Method::MamlMi] {
+            let config = Config { keep: Keep::Weights, ..tiny(method, rule) };
+            let (planned, spent) = before_and_after(&task, &config);
+            assert!(planned.contains_key("subset_selection"), "{planned:?}");
+            assert_eq!(planned, spent, "by weights, {rule:?}");
+        }
+    }
+}
+
+/// Remembers checkpoints that a run forgets when it is done, and can forget the nouns instead, as if it had been killed.
+#[derive(Default)]
+struct Killed(BTreeMap<String, Vec<u8>>);
+
+impl Ledger for Killed {
+    fn recall(&self, name: &str) -> Result<Option<Vec<u8>>> {
+        Ok(self.0.get(name).cloned())
+    }
+
+    fn keep(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+        self.0.insert(name.to_owned(), bytes.to_vec());
+        Ok(())
+    }
+
+    fn forget(&mut self, _: &str) -> Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn what_a_killed_run_has_done_is_not_counted_again() {
+    let (set, task) = (set(), PointMass::new());
+    let config = tiny(Method::Maml, Rule::Gail);
+    let mut ledger = Killed::default();
+    let playground = Playground::new(&task);
+    let observer = &mut Silent;
+    let fresh = {
+        let run =
+            &mut Run { set: &set, playground: &playground, config: &config, ledger: &mut ledger, observer };
+        let fresh = forecast::planned(run, Goal::Comparison).unwrap();
+        experiment::sift(run).unwrap();
+        fresh
+    };
+    ledger.0.retain(|name, _| name.starts_with("checkpoint"));
+    let again = Playground::new(&task);
+    let run = &mut Run { set: &set, playground: &again, config: &config, ledger: &mut ledger, observer };
+    let rest = forecast::planned(run, Goal::Comparison).unwrap();
+    experiment::sift(run).unwrap();
+    // Judging leaves a checkpoint behind its last demonstration, and so nothing to do.
+    let counted: u64 = rest.iter().map(|planned| planned.environment_steps).sum();
+    assert_eq!(counted, again.steps_taken());
+    assert!(counted > 0 && counted < playground.steps_taken() / 2, "{counted}");
+    for planned in &rest {
+        let whole = fresh.iter().find(|whole| whole.stage == planned.stage).unwrap();
+        assert!(planned.updates < whole.updates, "{planned:?} of {whole:?}");
+    }
+}
+
+#[test]
+fn the_oracle_and_named_demonstrations_are_counted_and_not_twice() {
+    let (set, task) = (set(), PointMass::with_goals(2));
+    let config = tiny(Method::Maml, Rule::Gail);
+    let playground = Playground::new(&task);
+    let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
+    let run = &mut Run { set: &set, playground: &playground, config: &config, ledger, observer };
+    let goal = Goal::Oracle { repeats: 2, random: 0 };
+    let all = forecast::planned(run, goal).unwrap();
+    experiment::oracle(run, DemoId(1), 0).unwrap();
+    let one = playground.steps_taken();
+    assert_eq!(all[0].environment_steps, 10 * one);
+    assert_eq!(forecast::planned(run, goal).unwrap()[0].environment_steps, 9 * one);
+    let demos = [DemoId(2), DemoId(0)];
+    let named = forecast::planned(run, Goal::Policy("two", &demos)).unwrap();
+    experiment::learning_curve(run, "two", &demos).unwrap();
+    assert_eq!(named[0].environment_steps, playground.steps_taken() - one);
+    assert_eq!(forecast::planned(run, Goal::Policy("two", &demos)).unwrap(), []);
+}
+
+#[test]
+fn minutes_follow_the_clock_and_nothing_is_kept() {
+    let (set, task) = (set(), PointMass::new());
+    let config = tiny(Method::MamlMi, Rule::Gail);
+    let mut ledger = Killed::default();
+    let playground = Playground::new(&task);
+    let run = &Run {
+        set: &set,
+        playground: &playground,
+        config: &config,
+        ledger: &mut ledger,
+        observer: &mut Silent,
+    };
+    let by_ticks = |secs: f64| {
+        let mut now = 0.0;
+        let mut clock = || {
+            now += secs;
+            now
+        };
+        forecast::forecast(run, Goal::Comparison, &mut clock).unwrap()
+    };
+    // Whatever is tried takes as long as one look at the clock.
+    let (slow, slower) = (by_ticks(2.0), by_ticks(4.0));
+    let rounds = slow.stages[0].planned.updates as f64;
+    assert!((slow.stages[0].minutes - rounds * 2.0 / 60.0).abs() < 1e-9, "{slow:?}");
+    assert!((slower.minutes - 2.0 * slow.minutes).abs() < 1e-9);
+    assert_eq!(slow.environment_steps, slower.environment_steps);
+    assert!(ledger.0.is_empty());
+}
+
+#[test]
+fn a_recording_is_counted() {
+    let task = PointMass::with_goals(3);
+    let training = DemonstratorTraining {
+        updates: 4,
+        batch_steps: 200,
+        policy: PolicyShape { hidden: vec![4], initial_std: 0.5 },
+        trust_region: TrustRegion::default(),
+        advantage: Default::default(),
+        enough_success: 2.0,
+        snapshot_every: 1,
+        filter_updates: 2,
+        checkpoint_every: 3,
+    };
+    let playground = Playground::new(&task);
+    let asked = Recording { by: By::Training(&training), demonstrations: 4, demonstrators: 1, assessed: 10 };
+    let mut ledger = InMemory::default();
+    let planned = forecast::planned_recording(&playground, &asked, &ledger).unwrap();
+    let seed = Seed::new(1);
+    let stages = {
+        let observer = &mut Silent;
+        let start = || DemonstratorState::start(&playground, &training, &seed.of("start"));
+        let (state, mut keeping) =
+            Keeping::begin((&mut ledger, observer), &playground, demonstrator::STAGE, "", start).unwrap();
+        let stages = demonstrator::train(&playground, &training, state, &seed, &mut keeping).unwrap();
+        keeping.finish("", &stages).unwrap();
+        stages
+    };
+    assert_eq!(planned[0].environment_steps, playground.steps_taken());
+    let trained = playground.steps_taken();
+    demonstrator::assess(&playground, &stages[4].policy, 10, &seed).unwrap();
+    let part = Part { playground: &playground, stages: stages.iter().take(4).collect() };
+    recording::record(&[part], &seed).unwrap();
+    assert_eq!(planned[1].environment_steps, playground.steps_taken() - trained);
+    let rest = forecast::planned_recording(&playground, &asked, &ledger).unwrap();
+    assert_eq!(rest, planned[1..], "a demonstrator that is trained is not trained again");
+    assert!(Vec::<demosift::demonstrator::Stage>::recall(&ledger, "").unwrap().is_some());
+}
