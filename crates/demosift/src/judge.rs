@@ -138,7 +138,8 @@ pub const STAGE: &str = "judge";
 /// // Degrees away from the goal; the second demonstration leads there.
 /// let set = planted_set(&[180.0, 0.0, 100.0], Seed::new(1))?;
 /// let mut config = Preset::Quick.config();
-/// (config.inner.batch_steps, config.judge.iterations, config.judge.averaged) = (600, 8, 3);
+/// (config.inner.batch_steps, config.judge.iterations) = (600, 12);
+/// config.inner.alphas = vec![1.0, 0.5]; // half steps after the first
 ///
 /// // Any prior can be judged from; this one knows nothing, and `meta_train` makes better ones.
 /// let prior = Learner::untrained(&set, &config.policy, &[32, 32], &Seed::new(7));
