@@ -8,12 +8,13 @@ use demosift::trajectory::StateLog;
 use demosift::{Error, Result};
 
 use crate::arguments::{ConvertArguments, Target};
-use crate::demonstrations::{self, Demonstrations};
-use crate::{task, terminal};
+use crate::{demonstrations, task, terminal};
 
 pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
-    let Demonstrations { source, path, .. } =
-        demonstrations::open(Some(&arguments.demonstrations), &arguments.source, None)?;
+    // One episode is no set to choose from, but another tool may want it.
+    let (source, path) =
+        demonstrations::open_unchecked(Some(&arguments.demonstrations), &arguments.source, None)?;
+    source.check().map_err(|error| error.at(&path))?;
     let out = &arguments.out;
     match arguments.to {
         Target::Lerobot => {
@@ -52,9 +53,16 @@ pub(super) fn task_name(task: &str) -> String {
         .map_or_else(|_| name_of(Path::new(task)), |chosen| chosen.task.specification().name.clone())
 }
 
-/// The id of a Minari data set that is named after its folder.
+/// The id of a Minari data set that is named after its folder; Minari allows letters, digits, `-` and `_` in a name.
 pub(super) fn minari_id(out: &Path) -> String {
-    format!("demosift/{}-v0", name_of(out))
+    let allowed = |letter: char| letter.is_ascii_alphanumeric() || letter == '_';
+    let name: String =
+        name_of(out).chars().map(|letter| if allowed(letter) { letter } else { '-' }).collect();
+    let name = match name.trim_matches('-') {
+        "" => "demonstrations",
+        name => name,
+    };
+    format!("demosift/{name}-v0")
 }
 
 fn name_of(out: &Path) -> String {
