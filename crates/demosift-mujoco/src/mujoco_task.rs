@@ -71,6 +71,60 @@ impl MujocoTask {
     ///
     /// # Errors
     /// As [`MujocoTask::from_file`].
+    ///
+    /// ```
+    /// use demosift::environment::{EnvVariant, Task};
+    /// use demosift::rows::Rows;
+    /// use demosift::seed::Seed;
+    /// use demosift_mujoco::mujoco_task::MujocoTask;
+    ///
+    /// let cart = r#"
+    ///     <mujoco>
+    ///       <worldbody>
+    ///         <body name="cart">
+    ///           <joint name="slider" type="slide" axis="1 0 0" damping="0.1"/>
+    ///           <geom name="box" size="0.1"/>
+    ///         </body>
+    ///       </worldbody>
+    ///       <actuator><motor name="push" joint="slider" ctrllimited="true" ctrlrange="-2 2"/></actuator>
+    ///     </mujoco>"#;
+    /// let task_file = r#"
+    ///     name = "cart"
+    ///     model = "cart.xml"
+    ///     frame_skip = 5
+    ///     horizon = 40
+    ///     observation = [{ qpos = "all" }, { qvel = "all" }]
+    ///
+    ///     [measurements]
+    ///     x = { qpos = "slider" }
+    ///
+    ///     [heuristic]
+    ///     fold = "max"
+    ///     of = "x"
+    ///     unit = "m"
+    /// "#;
+    /// let task = MujocoTask::from_texts(task_file, &[("cart.xml", cart)], None)?;
+    /// assert_eq!(task.specification().control_ranges, [[-2.0, 2.0]]); // what −1 and 1 mean
+    ///
+    /// // Pushed with all its force the cart goes east; the score is how far it came.
+    /// let mut environment = task.environment()?;
+    /// let (mut observation, mut measurements) = ([0.0; 2], [0.0; 1]);
+    /// environment.reset(EnvVariant(0), Seed::new(1), &mut observation, &mut measurements);
+    /// let mut measured = Rows::with_capacity(1, 41);
+    /// measured.push(&measurements);
+    /// for _ in 0..task.specification().horizon {
+    ///     environment.step(&[1.0], &mut observation, &mut measurements);
+    ///     measured.push(&measurements);
+    /// }
+    /// let score = task.heuristic().score(&measured);
+    /// assert!(score > 0.0 && score == f64::from(observation[0]), "{score} m");
+    ///
+    /// // A name that is not in the model is an error that lists those that are.
+    /// let wrong = task_file.replace("\"slider\"", "\"slide\"");
+    /// let error = MujocoTask::from_texts(&wrong, &[("cart.xml", cart)], None).err().expect("a wrong name");
+    /// assert!(error.is_bad_config() && error.to_string().contains("slider"), "{error}");
+    /// # Ok::<(), demosift::Error>(())
+    /// ```
     pub fn from_texts(
         task_file: &str,
         models: &[(&str, &str)],

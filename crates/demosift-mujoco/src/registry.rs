@@ -79,6 +79,19 @@ pub fn names() -> Vec<&'static str> {
 ///
 /// # Errors
 /// If it is neither (lists the names there are), or something in the task is wrong.
+///
+/// ```
+/// use demosift::environment::Task;
+/// use demosift_mujoco::registry;
+///
+/// let task = registry::load("half_cheetah")?;
+/// assert_eq!((task.specification().observation_size, task.specification().action_size), (17, 6));
+/// assert_eq!(task.heuristic().unit(), "m");
+///
+/// let error = registry::load("half_cheeta").err().expect("no such task, and no such folder");
+/// assert!(error.is_bad_input() && error.to_string().contains("half_cheetah"), "{error}");
+/// # Ok::<(), demosift::Error>(())
+/// ```
 pub fn load(name_or_path: &str) -> Result<MujocoTask> {
     if let Some(task) = BUILT_IN.iter().find(|task| task.name == name_or_path) {
         return MujocoTask::from_texts(task.task_file, task.models, task.shaping)

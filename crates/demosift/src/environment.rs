@@ -56,6 +56,100 @@ impl Specification {
 }
 
 /// A task: makes environments, and knows what a good outcome is.
+///
+/// A task in MuJoCo needs no Rust (see the crate `demosift-mujoco`); any other simulator stands behind this trait.
+/// Here a cart on a rail should come to rest at 1 m:
+///
+/// ```
+/// use demosift::environment::{EnvVariant, Environment, Specification, StepOutcome, Task};
+/// use demosift::heuristic::{Heuristic, Score};
+/// use demosift::rows::Rows;
+/// use demosift::seed::Seed;
+///
+/// const CONTROL_STEP_SECS: f32 = 0.1;
+///
+/// struct Rail {
+///     specification: Specification,
+/// }
+///
+/// struct Cart {
+///     position: f32,
+///     velocity: f32,
+/// }
+///
+/// /// − mean distance to the goal over the episode, in m.
+/// struct NearTheGoal;
+///
+/// impl Heuristic for NearTheGoal {
+///     fn score(&self, measurements: &Rows) -> Score {
+///         let distances = measurements.iter().map(|row| f64::from((row[0] - 1.0).abs()));
+///         -distances.sum::<f64>() / measurements.len() as f64
+///     }
+/// }
+///
+/// impl Task for Rail {
+///     fn specification(&self) -> &Specification {
+///         &self.specification
+///     }
+///     fn environment(&self) -> demosift::Result<Box<dyn Environment>> {
+///         Ok(Box::new(Cart { position: 0.0, velocity: 0.0 }))
+///     }
+///     fn heuristic(&self) -> &dyn Heuristic {
+///         &NearTheGoal
+///     }
+///     fn succeeded(&self, measurements: &Rows) -> Option<bool> {
+///         measurements.iter().last().map(|row| (row[0] - 1.0).abs() < 0.1)
+///     }
+/// }
+///
+/// impl Environment for Cart {
+///     fn reset(&mut self, _: EnvVariant, _: Seed, observation: &mut [f32], measurements: &mut [f32]) {
+///         *self = Self { position: 0.0, velocity: 0.0 };
+///         observation.copy_from_slice(&[self.position, self.velocity]);
+///         measurements[0] = self.position;
+///     }
+///     fn step(&mut self, action: &[f32], observation: &mut [f32], measurements: &mut [f32]) -> StepOutcome {
+///         self.velocity += (2.0 * action[0].clamp(-1.0, 1.0) - self.velocity) * CONTROL_STEP_SECS;
+///         self.position += self.velocity * CONTROL_STEP_SECS;
+///         observation.copy_from_slice(&[self.position, self.velocity]);
+///         measurements[0] = self.position;
+///         StepOutcome { task_reward: -(self.position - 1.0).abs(), terminated: false }
+///     }
+/// }
+///
+/// let rail = Rail {
+///     specification: Specification {
+///         name: "rail".to_owned(),
+///         observation_size: 2,
+///         observation_parts: vec![("position".to_owned(), 1), ("velocity".to_owned(), 1)],
+///         action_size: 1,
+///         control_ranges: vec![[-2.0, 2.0]], // m/s²
+///         measurements: vec!["x".to_owned()],
+///         variants: vec!["default".to_owned()],
+///         horizon: 50,
+///         control_step_secs: f64::from(CONTROL_STEP_SECS),
+///     },
+/// };
+///
+/// // It plays: an untrained policy dawdles about the start.
+/// use demosift::observation_filter::Moments;
+/// use demosift::policy::{Policy, PolicyShape};
+/// use demosift::rollout::{Acting, Playground, play};
+///
+/// let shape = PolicyShape { hidden: vec![16], initial_std: 0.5 };
+/// let filter = {
+///     let mut moments = Moments::default();
+///     moments.add(&Rows::from_flat(vec![0.0, 0.0, 1.0, 1.0], 2)?); // observations that were seen
+///     moments.filter()
+/// };
+/// let policy = Policy::untrained(&shape, filter, 1, Seed::new(1));
+/// let playground = Playground::new(&rail);
+/// let episodes = play(&playground, &policy, Acting::Mean, EnvVariant(0), Seed::new(2).many(3))?;
+/// assert_eq!(episodes[0].steps(), 50);
+/// assert!(playground.score(&episodes[0]) < 0.0);
+/// assert_eq!(playground.success_rate(&episodes), Some(0.0));
+/// # Ok::<(), demosift::Error>(())
+/// ```
 pub trait Task: Send + Sync {
     /// Sizes and names.
     fn specification(&self) -> &Specification;

@@ -2,6 +2,42 @@
 //!
 //! Each arrow of the flow makes one noun, and a [`Ledger`] keeps the nouns: what a ledger already holds is not made
 //! again, and what was begun goes on from its last checkpoint to the identical result.
+//!
+//! [`sift`] is the whole job, shown on the first page of this crate; its stages can be taken one by one:
+//!
+//! ```
+//! use demosift::experiment::{Run, prior, scores, selection};
+//! use demosift::ledger::InMemory;
+//! use demosift::observer::Silent;
+//! use demosift::point_mass::{PointMass, planted_set};
+//! use demosift::preset::Preset;
+//! use demosift::rollout::Playground;
+//! use demosift::{seed::Seed, select::Keep};
+//!
+//! let (set, task) = (planted_set(&[150.0, 5.0, -120.0, -10.0], Seed::new(1))?, PointMass::new());
+//! let playground = Playground::new(&task);
+//! let mut config = Preset::Quick.config();
+//! (config.meta_train.rounds, config.keep, config.inner.alphas) = (4, Keep::Count(2), vec![1.0, 0.5]);
+//! (config.inner.batch_steps, config.judge.iterations, config.judge.averaged) = (600, 8, 3);
+//! let mut run = Run {
+//!     set: &set,
+//!     playground: &playground,
+//!     config: &config,
+//!     ledger: &mut InMemory::default(),
+//!     observer: &mut Silent,
+//! };
+//!
+//! let learner = prior(&mut run)?; // Algorithm 1
+//! let table = scores(&mut run, &learner)?; // Algorithm 2
+//! let selected = selection(&mut run, &table)?; // Eq. 9
+//! assert!(selected.subset.demos.iter().all(|demo| [1, 3].contains(&demo.0)));
+//!
+//! // The ledger has all of it now, so asking again plays nothing.
+//! let played = playground.steps_taken();
+//! assert_eq!(scores(&mut run, &learner)?, table);
+//! assert_eq!(playground.steps_taken(), played);
+//! # Ok::<(), demosift::Error>(())
+//! ```
 
 mod checks;
 mod keeping;

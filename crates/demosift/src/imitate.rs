@@ -148,6 +148,40 @@ pub fn steps(task: &Specification, imitation: &Imitation) -> u64 {
 }
 
 /// Imitates the demonstrations that `state` is about from scratch; `part` names this imitation among others in events.
+///
+/// ```
+/// use demosift::demonstration::DemoId;
+/// use demosift::imitate::{ImitationState, imitate};
+/// use demosift::observer::Silent;
+/// use demosift::point_mass::{PointMass, planted_set};
+/// use demosift::preset::Preset;
+/// use demosift::rollout::Playground;
+/// use demosift::seed::Seed;
+///
+/// let set = planted_set(&[180.0, 5.0, -5.0], Seed::new(1))?;
+/// let task = PointMass::new();
+/// let playground = Playground::new(&task);
+/// let mut config = Preset::Quick.config();
+/// config.imitate.environment_steps = 9000;
+/// config.imitate.update.batch_steps = 600;
+/// config.imitate.update.discriminator.learning_rate = 0.01;
+///
+/// let learn_from = |demos: &[DemoId]| {
+///     let (how, seed) = (&config.imitate, Seed::new(3));
+///     let start = ImitationState::start((&set, demos), &config.policy, how, &seed);
+///     imitate(&set, &playground, how, start, &seed, ("subset", &mut Silent))
+/// };
+/// let east = learn_from(&[DemoId(1), DemoId(2)])?;
+/// let west = learn_from(&[DemoId(0)])?;
+///
+/// // The goal lies in the east, and the score is the distance to it, negated.
+/// let (near, far) = (east.outcome.score, west.outcome.score);
+/// assert!(near > far, "{near} m and {far} m");
+/// // The curve has a point every so many updates; the best policy on it is what is handed over.
+/// assert!(east.points.len() > 2 && east.points[0].environment_steps == 0);
+/// assert_eq!(east.best.action_size(), 2);
+/// # Ok::<(), demosift::Error>(())
+/// ```
 pub fn imitate(
     set: &DemonstrationSet,
     playground: &Playground<'_>,

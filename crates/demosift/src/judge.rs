@@ -125,6 +125,38 @@ impl ScoreTable {
 pub const STAGE: &str = "judge";
 
 /// Algorithm 2, continued from what `judged` already holds.
+///
+/// ```
+/// use demosift::adapt::Learner;
+/// use demosift::judge::{Judged, judge};
+/// use demosift::observer::Silent;
+/// use demosift::point_mass::{PointMass, planted_set};
+/// use demosift::preset::Preset;
+/// use demosift::rollout::Playground;
+/// use demosift::seed::Seed;
+///
+/// // Degrees away from the goal; the second demonstration leads there.
+/// let set = planted_set(&[180.0, 0.0, 100.0], Seed::new(1))?;
+/// let mut config = Preset::Quick.config();
+/// (config.inner.batch_steps, config.judge.iterations) = (600, 12);
+/// config.inner.alphas = vec![1.0, 0.5]; // half steps after the first
+///
+/// // Any prior can be judged from; this one knows nothing, and `meta_train` makes better ones.
+/// let prior = Learner::untrained(&set, &config.policy, &[32, 32], &Seed::new(7));
+/// let task = PointMass::new();
+/// let how = (&config.judge, &config.inner);
+/// let nothing = Judged::default(); // or what was judged before a kill
+/// let judged =
+///     judge(&prior, &set, &Playground::new(&task), how, nothing, (&Seed::new(7), &mut Silent))?;
+///
+/// // One suitability for each demonstration under each of the task's variants, which here is one.
+/// let scores: Vec<f64> = judged.scores.suitabilities.iter().map(|of| of.score()).collect();
+/// assert_eq!(scores.len(), 3);
+/// assert!(scores[1] > scores[2] && scores[2] > scores[0], "{scores:?} m nearer to the goal");
+/// // The policies that imitated them are there too, to be looked at.
+/// assert_eq!(judged.adapted.len(), 3);
+/// # Ok::<(), demosift::Error>(())
+/// ```
 pub fn judge(
     prior: &MetaPrior,
     set: &DemonstrationSet,

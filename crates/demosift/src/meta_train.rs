@@ -111,6 +111,37 @@ pub struct MetaState {
 pub const STAGE: &str = "meta_train";
 
 /// Algorithm 1, continued from where `state` stands; its prior is what comes of it.
+///
+/// ```
+/// use demosift::meta_train::{MetaState, meta_train};
+/// use demosift::observer::Silent;
+/// use demosift::point_mass::{PointMass, planted_set};
+/// use demosift::preset::Preset;
+/// use demosift::rollout::Playground;
+/// use demosift::seed::Seed;
+///
+/// let set = planted_set(&[180.0, 10.0, 120.0], Seed::new(1))?;
+/// let task = PointMass::new();
+/// let playground = Playground::new(&task);
+/// let mut config = Preset::Quick.config();
+/// config.inner.batch_steps = 300;
+///
+/// let mut train = |rounds, state| {
+///     config.meta_train.rounds = rounds;
+///     let learning = (&config.meta_train, &config.inner, &config.mutual_information);
+///     meta_train(&set, &playground, learning, state, &Seed::new(7), &mut Silent)
+/// };
+/// let shape = Preset::Quick.config().policy;
+/// let start = MetaState::start(&set, &shape, &[32, 32], None, &Seed::new(7).of("start"));
+/// let trained = train(3, start.clone())?;
+///
+/// // What judging takes is `trained.prior`, a policy and a discriminator that adapt quickly.
+/// assert_ne!(trained.prior, start.prior);
+/// // The state is all there is: whoever stops after two rounds and goes on comes to the same bits.
+/// let halfway = train(2, start)?;
+/// assert_eq!(train(3, halfway)?, trained);
+/// # Ok::<(), demosift::Error>(())
+/// ```
 pub fn meta_train(
     set: &DemonstrationSet,
     playground: &Playground<'_>,

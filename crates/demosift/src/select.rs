@@ -128,6 +128,41 @@ fn entry(table: &ScoreTable, demo: DemoId, counts: &impl Fn(EnvVariant) -> bool)
 }
 
 /// The first K of a ranking (§5.2).
+///
+/// ```
+/// use demosift::demonstration::DemoId;
+/// use demosift::environment::EnvVariant;
+/// use demosift::judge::{ScoreTable, Suitability};
+/// use demosift::select::{rank, rank_under, top_k};
+///
+/// // What judging found of a demonstration under a variant: K before and after imitating it, one an evaluation seed.
+/// let found = |demo, variant, before: [f64; 2], after: [f64; 2]| Suitability {
+///     demo: DemoId(demo),
+///     variant: EnvVariant(variant),
+///     before: before.to_vec(),
+///     after: vec![after.to_vec()],
+///     distances: vec![0.0],
+///     curves: vec![vec![]],
+/// };
+/// let table = ScoreTable {
+///     suitabilities: vec![
+///         found(0, 0, [1.0, 2.0], [1.5, 2.5]), // S = 0.5
+///         found(1, 0, [1.0, 2.0], [2.0, 3.0]), // S = 1
+///         found(0, 1, [0.0, 0.0], [0.5, 0.5]), // S = 0.5
+///         found(1, 1, [0.0, 0.0], [-1.0, -1.0]), // S = −1
+///     ],
+/// };
+///
+/// // Under the first variant the second demonstration is the more suitable one; over both it is not.
+/// assert_eq!(top_k(&rank_under(&table, EnvVariant(0)), 1)?.demos, [DemoId(1)]);
+/// assert_eq!(top_k(&rank(&table), 1)?.demos, [DemoId(0)]);
+/// assert_eq!(rank(&table).entries[1].score, 0.0);
+///
+/// // A subset of nothing or of more than there is gets an error that says what would be right.
+/// let error = top_k(&rank(&table), 3).unwrap_err();
+/// assert!(error.to_string().contains("from 1 to the 2 demonstrations"));
+/// # Ok::<(), demosift::Error>(())
+/// ```
 pub fn top_k(ranking: &Ranking, k: usize) -> Result<Subset> {
     let count = ranking.entries.len();
     if k == 0 || k > count {

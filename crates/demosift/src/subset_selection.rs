@@ -128,6 +128,42 @@ pub struct WeighingState {
 pub const STAGE: &str = "subset_selection";
 
 /// Algorithm 3, continued from where `state` stands.
+///
+/// ```
+/// use demosift::adapt::Learner;
+/// use demosift::demonstration::DemoId;
+/// use demosift::observer::Silent;
+/// use demosift::point_mass::{PointMass, planted_set};
+/// use demosift::preset::Preset;
+/// use demosift::rollout::Playground;
+/// use demosift::seed::Seed;
+/// use demosift::subset_selection::{Means, WeighingState, select_subset};
+///
+/// let set = planted_set(&[180.0, 0.0, 130.0], Seed::new(1))?;
+/// let mut config = Preset::Quick.config();
+/// config.inner.batch_steps = 600;
+/// config.subset_selection.rounds = 3;
+///
+/// // It starts from a prior, better from a meta-trained one than from this, which knows nothing.
+/// let prior = Learner::untrained(&set, &config.policy, &[32, 32], &Seed::new(7));
+/// let start = WeighingState::start(&set, prior, None, &Seed::new(7));
+/// let means = Means {
+///     selection: &config.subset_selection,
+///     training: &config.meta_train,
+///     inner: &config.inner,
+///     information: &config.mutual_information,
+///     judging: &config.judge,
+/// };
+/// let task = PointMass::new();
+/// let playground = Playground::new(&task);
+/// let weighing = select_subset(&set, &playground, &means, start, &Seed::new(7), &mut Silent)?;
+///
+/// // The second demonstration leads to the goal, and comes to count more than the others.
+/// assert_eq!(weighing.demos[0], DemoId(1));
+/// let trend: Vec<f64> = weighing.rounds.iter().map(|round| round.weights.of(DemoId(1))).collect();
+/// assert!(trend[0] > 1.0 && trend.is_sorted(), "{trend:?}");
+/// # Ok::<(), demosift::Error>(())
+/// ```
 pub fn select_subset(
     set: &DemonstrationSet,
     playground: &Playground<'_>,

@@ -132,6 +132,40 @@ impl Uncertainty {
 ///
 /// # Errors
 /// Bad input if the table is not whole: every demonstration under every variant, with as many repeats and evaluations.
+///
+/// ```
+/// use demosift::demonstration::DemoId;
+/// use demosift::environment::EnvVariant;
+/// use demosift::judge::{ScoreTable, Suitability};
+/// use demosift::seed::Seed;
+/// use demosift::uncertainty::{Resampling, uncertainty};
+///
+/// // Imitated twice, and evaluated on two episodes each time.
+/// let found = |demo, after: [[f64; 2]; 2]| Suitability {
+///     demo: DemoId(demo),
+///     variant: EnvVariant(0),
+///     before: vec![0.0, 0.2],
+///     after: after.map(|scores| scores.to_vec()).to_vec(),
+///     distances: vec![0.0; 2],
+///     curves: vec![vec![]; 2],
+/// };
+/// let table = ScoreTable {
+///     suitabilities: vec![
+///         found(0, [[1.0, 1.2], [0.8, 1.1]]),
+///         found(1, [[0.0, 0.1], [0.1, 0.2]]),
+///         found(2, [[1.1, 1.3], [0.8, 1.0]]),
+///     ],
+/// };
+/// let found = uncertainty(&table, &Resampling::default(), &Seed::new(1))?;
+///
+/// // The first and the third made the agent better, and which of the two is better nobody knows after so few tries.
+/// assert_eq!(found.groups, [vec![DemoId(2), DemoId(0)], vec![DemoId(1)]]);
+/// assert_eq!(found.worth_keeping(), [DemoId(2), DemoId(0)]);
+/// let first = &found.demonstrations[0];
+/// assert!(first.low < first.score && first.score < first.high);
+/// assert!((0.3..0.8).contains(&first.top[0]), "to be the best: {}", first.top[0]);
+/// # Ok::<(), demosift::Error>(())
+/// ```
 pub fn uncertainty(table: &ScoreTable, resampling: &Resampling, seed: &Seed) -> Result<Uncertainty> {
     let (judged, repeats, evaluations) = judged(table)?;
     let draws = draw(&judged, (repeats, evaluations), resampling, seed)?;

@@ -374,3 +374,56 @@ fn a_minari_subset_holds_all_that_the_original_does() {
     assert!(error.is_bad_input(), "{error}");
     assert_eq!(fs::read_dir(&scratch.0).unwrap().count(), 1, "nothing is left of what failed");
 }
+
+#[test]
+fn a_minari_subset_of_a_file_alone_describes_itself() {
+    let scratch = Scratch::new("alone");
+    let alone = scratch.0.join("main_data.hdf5");
+    fs::copy(fixture("minari_hdf5/data/main_data.hdf5"), &alone).unwrap();
+    let (path, labels) = (scratch.0.join("subset"), ["1".to_owned()]);
+    minari::write_subset(&path, &alone, &labels, "demosift/test-v0").unwrap();
+    let metadata = |folder: &Path| -> serde_json::Value {
+        serde_json::from_slice(&fs::read(folder.join("data/metadata.json")).unwrap()).unwrap()
+    };
+    let (ours, minaris) = (metadata(&path), metadata(&fixture("minari_hdf5")));
+    assert_eq!((&ours["total_episodes"], &ours["total_steps"]), (&1.into(), &3.into()));
+    for key in ["data_format", "observation_space", "action_space"] {
+        assert_eq!(ours[key], minaris[key], "as Minari itself describes the same tables");
+    }
+    assert_eq!(read(&path).unwrap().episodes[0].actions, read(&alone).unwrap().episodes[1].actions);
+}
+
+#[test]
+fn what_points_into_its_own_file_is_not_copied_to_another() {
+    use hdf5_pure::{CompoundTypeBuilder, FileBuilder};
+
+    let scratch = Scratch::new("points");
+    let write = |name: &str, kind: hdf5_pure::Datatype, bytes: usize| {
+        let path = scratch.0.join(name);
+        let mut file = FileBuilder::new();
+        let mut episode = file.create_group("episode_0");
+        episode.create_dataset("observations").with_f32_data(&[0.0; 4]).with_shape(&[2, 2]);
+        episode.create_dataset("actions").with_f32_data(&[0.5]).with_shape(&[1, 1]);
+        episode.create_dataset("log").with_raw_data(kind, vec![0; bytes], 1);
+        file.add_group(episode.finish());
+        file.write(&path).unwrap();
+        path
+    };
+    let labels = ["0".to_owned()];
+    let numbers = CompoundTypeBuilder::new().f64_field("force").i32_field("contacts").build().unwrap();
+    let (path, copy) = (write("numbers.hdf5", numbers, 12), scratch.0.join("numbers"));
+    minari::write_subset(&copy, &path, &labels, "demosift/test-v0").unwrap();
+    let copied = hdf5_pure::File::open(copy.join("data/main_data.hdf5")).unwrap();
+    assert_eq!(copied.dataset("episode_0/log").unwrap().read_raw().unwrap(), vec![0; 12]);
+
+    let size = 8;
+    let reference = || hdf5_pure::Datatype::Reference { size, ref_type: hdf5_pure::ReferenceType::Object };
+    let pair = CompoundTypeBuilder::new().f64_field("force").field("of", reference()).build().unwrap();
+    for (name, kind, bytes) in [("plain", reference(), 8), ("nested", pair, 16)] {
+        let path = write(&format!("{name}.hdf5"), kind, bytes);
+        let refused = scratch.0.join(name);
+        let error = minari::write_subset(&refused, &path, &labels, "demosift/test-v0").unwrap_err();
+        assert_says(&error, &["'log'", "object_ref", "cannot be copied", name]);
+        assert!(!refused.exists(), "nothing is left of what failed");
+    }
+}

@@ -16,7 +16,7 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
     let (source, path) =
         demonstrations::open_unchecked(Some(&arguments.demonstrations), &arguments.source, None)?;
     // One is not enough to choose from, and enough to convert.
-    source.demonstrations().map_err(|error| error.at(&path))?;
+    source.check().map_err(|error| error.at(&path))?;
     let out = &arguments.out;
     match arguments.to {
         Target::Lerobot => {
@@ -59,9 +59,16 @@ pub(super) fn task_name(task: &str) -> String {
         .map_or_else(|_| name_of(Path::new(task)), |chosen| chosen.task.specification().name.clone())
 }
 
-/// The id of a Minari data set that is named after its folder.
+/// The id of a Minari data set that is named after its folder; Minari allows letters, digits, `-` and `_` in a name.
 pub(super) fn minari_id(out: &Path) -> String {
-    format!("demosift/{}-v0", name_of(out))
+    let allowed = |letter: char| letter.is_ascii_alphanumeric() || letter == '_';
+    let name: String =
+        name_of(out).chars().map(|letter| if allowed(letter) { letter } else { '-' }).collect();
+    let name = match name.trim_matches('-') {
+        "" => "demonstrations",
+        name => name,
+    };
+    format!("demosift/{name}-v0")
 }
 
 fn name_of(out: &Path) -> String {

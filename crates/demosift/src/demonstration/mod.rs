@@ -80,6 +80,21 @@ impl Demonstration {
     }
 }
 
+/// Refuses demonstrations that differ in the size of an observation or of an action.
+fn check_sizes(demonstrations: &[Demonstration]) -> Result<()> {
+    let sizes = |of: &Demonstration| (of.observations.width(), of.actions.width());
+    let Some(wanted) = demonstrations.first().map(sizes) else { return Ok(()) };
+    for (index, found) in demonstrations.iter().map(sizes).enumerate() {
+        if found != wanted {
+            return Err(Error::bad_input(format!(
+                "demonstration {index} has {} observations and {} actions a step, but demonstration 0 has {} and {}",
+                found.0, found.1, wanted.0, wanted.1
+            )));
+        }
+    }
+    Ok(())
+}
+
 /// V: at least two demonstrations of one observation size and one action size (§3).
 #[derive(Clone, Debug, PartialEq)]
 pub struct DemonstrationSet {
@@ -89,21 +104,12 @@ pub struct DemonstrationSet {
 impl DemonstrationSet {
     /// Checks that the demonstrations fit each other.
     pub fn new(demonstrations: Vec<Demonstration>) -> Result<Self> {
-        let Some(first) = demonstrations.first() else {
+        if demonstrations.is_empty() {
             return Err(Error::bad_input(
                 "the set holds no demonstration; at least 2 are needed to choose from",
             ));
-        };
-        let wanted = (first.observations.width(), first.actions.width());
-        for (index, demonstration) in demonstrations.iter().enumerate() {
-            let found = (demonstration.observations.width(), demonstration.actions.width());
-            if found != wanted {
-                return Err(Error::bad_input(format!(
-                    "demonstration {index} has {} observations and {} actions a step, but demonstration 0 has {} and {}",
-                    found.0, found.1, wanted.0, wanted.1
-                )));
-            }
         }
+        check_sizes(&demonstrations)?;
         if demonstrations.len() == 1 {
             return Err(Error::bad_input(
                 "the set holds 1 demonstration; at least 2 are needed to choose from",

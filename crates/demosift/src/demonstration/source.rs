@@ -10,7 +10,8 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::demonstration::{
-    Demonstration, DemonstrationSet, baselines_npz, d4rl, detect, imitation_npz, lerobot, minari, robomimic,
+    Demonstration, DemonstrationSet, baselines_npz, check_sizes, d4rl, detect, imitation_npz, lerobot,
+    minari, robomimic,
 };
 use crate::error::{Error, Result};
 use crate::files;
@@ -182,6 +183,14 @@ impl Source {
         DemonstrationSet::new(self.demonstrations()?)
     }
 
+    /// Whether these are demonstrations that fit each other, of which one is enough: what other tools want of a file.
+    ///
+    /// # Errors
+    /// `is_bad_input` if they do not fit each other, or one holds a number that is not finite.
+    pub fn check(&self) -> Result<()> {
+        check_sizes(&self.demonstrations()?)
+    }
+
     /// Each episode as a demonstration, however many there are.
     ///
     /// # Errors
@@ -199,6 +208,35 @@ impl Source {
 ///
 /// # Errors
 /// `is_bad_input` if it is of no known format, is not what its format wants, or is damaged; `is_io` if it may not be read.
+///
+/// ```
+/// use std::path::Path;
+///
+/// use demosift::demonstration::inspection::inspect;
+/// use demosift::demonstration::source::{Columns, Format, open};
+///
+/// // A file of robomimic, which keeps an observation in several columns.
+/// let file = Path::new("tests/formats/robomimic.hdf5");
+/// let source = open(file, None, &Columns::default())?;
+/// assert_eq!(source.format, Format::Robomimic);
+/// assert_eq!(source.columns.observations, ["obs/joint", "obs/wrist"]);
+///
+/// // What is in it, before anything is learned from it.
+/// let seen = inspect(&source);
+/// let steps: Vec<usize> = seen.episodes.iter().map(|episode| episode.steps).collect();
+/// assert_eq!(steps, [4, 3, 5]);
+/// assert!(seen.actions.iter().all(|action| action.outside == 0));
+///
+/// // The demonstrations, checked: they fit each other, and every number is finite.
+/// let set = source.set()?;
+/// assert_eq!((set.len(), set.observation_size(), set.action_size()), (3, 3, 2));
+///
+/// // Other columns, and an error that says what would have been right.
+/// let wrong = Columns { observations: vec!["obs/elbow".to_owned()], ..Columns::default() };
+/// let error = open(file, None, &wrong).unwrap_err();
+/// assert!(error.is_bad_input() && error.to_string().contains("camera_image, joint, wrist"), "{error}");
+/// # Ok::<(), demosift::Error>(())
+/// ```
 pub fn open(path: &Path, format: Option<Format>, columns: &Columns) -> Result<Source> {
     read(path, format, columns).map_err(|error| error.at(path))
 }

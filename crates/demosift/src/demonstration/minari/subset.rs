@@ -6,13 +6,14 @@ use std::path::Path;
 use hdf5_pure::{AttrValue, DType, Dataset, FileBuilder, Group, GroupBuilder};
 use serde_json::{Map, Value, json};
 
-use super::{DEEPEST, METADATA};
+use super::{DEEPEST, METADATA, writing};
 use crate::demonstration::hdf5::{self, check_size, damaged};
+use crate::demonstration::source::Columns;
 use crate::error::{Error, Result};
 use crate::files;
 
 /// Writes a new data set of some episodes of the `main_data.hdf5` at `original`, numbered anew from 0, with rewards, infos and all
-/// else as they are there; its spaces come from the metadata beside it.
+/// else as they are there; its spaces come from the metadata beside it, or from the tables where there is none.
 ///
 /// # Errors
 /// `is_bad_input` if the folder exists, an episode is not there, or holds what cannot be copied; `is_io` if a file cannot be
@@ -34,11 +35,39 @@ pub fn write_subset(path: &Path, original: &Path, labels: &[String], name: &str)
 
 fn read_metadata(original: &Path) -> Result<Map<String, Value>> {
     let path = original.with_file_name(METADATA);
-    let bytes = std::fs::read(&path)
-        .map_err(|error| Error::io("cannot read the description of the data set", &path, &error))?;
+    let bytes = match std::fs::read(&path) {
+        Ok(bytes) => bytes,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            return described(original).map_err(|error| error.at(original));
+        }
+        Err(error) => return Err(Error::io("cannot read the description of the data set", &path, &error)),
+    };
     serde_json::from_slice(&bytes).map_err(|error| {
         Error::bad_input(format!("this does not describe a Minari data set: {error}")).at(&path)
     })
+}
+
+/// What can be said of a `main_data.hdf5` that came alone.
+///
+/// # Errors
+/// `is_bad_input` if its observations or actions are not one table each: how Minari nests them stands in the metadata only.
+fn described(original: &Path) -> Result<Map<String, Value>> {
+    let source = super::read_hdf5(original, &Columns::default())?;
+    if (&source.columns.observations[..], &source.columns.actions[..])
+        != (&["observations".to_owned()], &["actions".to_owned()])
+    {
+        return Err(Error::bad_input(format!(
+            "there is no {METADATA} beside this file, and its observations or actions are spread over several tables; \
+             wanted the folder as Minari wrote it"
+        ))
+        .with_hint("`demosift convert --to minari` writes observations and actions as one table each"));
+    }
+    let table =
+        hdf5::open(original)?.file.dataset(&format!("episode_{}/observations", source.episodes[0].label));
+    let element = table.and_then(|table| table.dtype()).map_err(damaged)?;
+    let element = if element == DType::F64 { "float64" } else { "float32" };
+    let layout = writing::layout(&source.episodes, &source.episodes[0], element);
+    Ok(layout.into_iter().map(|(key, value)| (key.to_owned(), value)).collect())
 }
 
 /// The bytes of the new file, and how many actions it holds.
@@ -91,9 +120,11 @@ fn copy_dataset(copy: &mut GroupBuilder, dataset: &Dataset, name: &str, file_len
             let words: Vec<&str> = words.iter().map(String::as_str).collect();
             copy.create_dataset(name).with_vlen_strings(&words).with_shape(&shape);
         }
-        // Their bytes would point to places in the old file.
-        DType::ObjectReference | DType::Other(_) => {
-            return Err(Error::bad_input(format!("'{name}' holds references, which cannot be copied")));
+        element if points_elsewhere(&element) => {
+            return Err(Error::bad_input(format!(
+                "'{name}' holds elements of type {element}, which cannot be copied"
+            ))
+            .with_hint("`demosift convert --to minari` writes observations and actions alone"));
         }
         _ => {
             let (datatype, bytes) =
@@ -104,4 +135,14 @@ fn copy_dataset(copy: &mut GroupBuilder, dataset: &Dataset, name: &str, file_len
         }
     }
     Ok(())
+}
+
+/// Whether an element holds places in its file, which mean nothing in another one: a reference, or a part of variable length.
+fn points_elsewhere(element: &DType) -> bool {
+    match element {
+        DType::Compound(fields) => fields.iter().any(|(_, field)| points_elsewhere(field)),
+        DType::Array(base, _) => points_elsewhere(base),
+        DType::VariableLengthString | DType::ObjectReference | DType::Other(_) => true,
+        _ => false,
+    }
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use hdf5_pure::{AttrValue, EnumTypeBuilder, FileBuilder};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::demonstration::source::Episode;
 use crate::error::{Error, Result};
@@ -34,20 +34,29 @@ pub fn write(path: &Path, episodes: &[Episode], name: &str) -> Result<()> {
         return Err(Error::bad_input("no episode to write; at least 1 is needed"));
     };
     let bytes = file.finish().map_err(cannot_encode)?;
-    let metadata = json!({
+    let mut metadata = json!({
         "total_episodes": episodes.len(),
         "total_steps": total_steps,
-        "data_format": "hdf5",
-        "observation_space": space(first.observations.width(), None),
-        "action_space": space(first.actions.width(), bound(episodes)),
         "dataset_id": name,
-        "minari_version": MINARI_VERSION,
         "dataset_size": (bytes.len() as f64 / 1e5).round() / 10.0,
         "description": "Written by demosift, which reads no rewards: they are not a number here.",
     });
+    for (key, value) in layout(episodes, first, "float32") {
+        metadata[key] = value;
+    }
     let contents =
         [("data/main_data.hdf5", bytes), ("data/metadata.json", format!("{metadata:#}\n").into_bytes())];
     files::write_folder(path, &contents)
+}
+
+/// What the description of a data set says of its layout, where `element` is numpy's name for the numbers in it.
+pub(super) fn layout(episodes: &[Episode], first: &Episode, element: &str) -> [(&'static str, Value); 4] {
+    [
+        ("data_format", json!("hdf5")),
+        ("observation_space", json!(space(first.observations.width(), None, element))),
+        ("action_space", json!(space(first.actions.width(), bound(episodes), element))),
+        ("minari_version", json!(MINARI_VERSION)),
+    ]
 }
 
 /// T+1 observations and T actions.
@@ -99,13 +108,15 @@ fn add(
 }
 
 /// A box of numbers as Minari writes it: JSON in a string, in which infinity is a bare word.
-fn space(width: usize, bound: Option<f32>) -> String {
+fn space(width: usize, bound: Option<f32>, element: &str) -> String {
     let each = |word: String| vec![word; width].join(", ");
     let (low, high) = match bound {
         Some(bound) => (each(format!("{:?}", -bound)), each(format!("{bound:?}"))),
         None => (each("-Infinity".to_owned()), each("Infinity".to_owned())),
     };
-    format!(r#"{{"type": "Box", "dtype": "float32", "shape": [{width}], "low": [{low}], "high": [{high}]}}"#)
+    format!(
+        r#"{{"type": "Box", "dtype": "{element}", "shape": [{width}], "low": [{low}], "high": [{high}]}}"#
+    )
 }
 
 /// 1 if all actions lie in [−1, 1], as the tasks here have it.
