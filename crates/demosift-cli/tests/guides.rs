@@ -251,7 +251,7 @@ fn a_guide_that_leads_astray_is_caught_where_it_does() {
 }
 
 #[test]
-#[should_panic(expected = "line 30: a block that never ends")]
+#[should_panic(expected = "line 28: a block that never ends")]
 fn a_block_that_never_ends_is_caught() {
     blocks(GUIDE.strip_suffix("```\n").unwrap());
 }
