@@ -3,10 +3,14 @@
 //! Nothing has to be finished first, as every file of a run is written whole or not at all, and its last checkpoint is never
 //! far back.
 //! Only a write that is under way is let through, so that nothing half-written lies about; a second Ctrl-C does not wait.
+//!
+//! The exception is a folder of pictures, which is written for as long as they are rendered: its hidden folder stays, and goes
+//! away when the same pictures are made again.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
 
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
@@ -25,16 +29,18 @@ const SIGNALED: i32 = 128;
 /// From here on Ctrl-C and SIGTERM end the process as described above; `resumes` says whether the command goes on with
 /// `--resume`.
 ///
-/// Where the system refuses, they end it as they end any other, which a run survives just as well.
+/// Where the system refuses, they end it at once and without a word, which a run survives just as well.
 pub(crate) fn listen(resumes: bool) {
-    let again = Arc::new(AtomicBool::new(false));
+    // Whoever ends the process in order has to be there before the default way to end it is taken away.
+    let listener = Signals::new([SIGINT, SIGTERM]).and_then(|mut signals| {
+        let wait = move || signals.forever().take(1).for_each(|signal| stop(signal, resumes));
+        thread::Builder::new().name("interruption".to_owned()).spawn(wait)
+    });
+    let again = Arc::new(AtomicBool::new(listener.is_err()));
     for signal in [SIGINT, SIGTERM] {
         // In this order: the first signal finds the flag down and raises it, the second finds it raised.
         let _ = flag::register_conditional_shutdown(signal, SIGNALED + signal, Arc::clone(&again));
         let _ = flag::register(signal, Arc::clone(&again));
-    }
-    if let Ok(mut signals) = Signals::new([SIGINT, SIGTERM]) {
-        std::thread::spawn(move || signals.forever().take(1).for_each(|signal| stop(signal, resumes)));
     }
 }
 
@@ -43,7 +49,7 @@ pub(crate) fn run_is_in(folder: &Path) {
     *lock(&FOLDER) = Some(folder.to_owned());
 }
 
-/// Writes something whole before an interruption may end the process.
+/// Writes something whole before an interruption may end the process; never one within another, which would wait for itself.
 pub(crate) fn undisturbed<T>(write: impl FnOnce() -> T) -> T {
     let _writing = lock(&WRITING);
     write()
@@ -54,7 +60,11 @@ fn stop(signal: i32, resumes: bool) {
     let _writing = lock(&WRITING);
     let folder = lock(&FOLDER);
     match folder.as_deref() {
-        Some(folder) if resumes => terminal::say_stopped(folder, &command_to_resume(std::env::args())),
+        Some(folder) if resumes => {
+            // A path need not be UTF-8, and nobody would hear of a panic here.
+            let typed = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
+            terminal::say_stopped(folder, &command_to_resume(typed));
+        }
         _ => terminal::say_stopped_only(),
     }
     // Not through destructors: other threads still work on what these would take away.
@@ -64,8 +74,10 @@ fn stop(signal: i32, resumes: bool) {
 /// The command as it was typed, going on.
 fn command_to_resume(typed: impl Iterator<Item = String>) -> String {
     let mut words: Vec<String> = typed.map(|word| quoted(&word)).collect();
-    if !words.iter().any(|word| word == "--resume") {
-        words.push("--resume".to_owned());
+    // What stands behind it is no option, whatever it looks like.
+    let options = words.iter().position(|word| word == "--").unwrap_or(words.len());
+    if !words[..options].iter().any(|word| word == "--resume") {
+        words.insert(options, "--resume".to_owned());
     }
     words.join(" ")
 }
@@ -99,6 +111,15 @@ mod tests {
         assert_eq!(
             command_to_resume(typed.into_iter().map(str::to_owned)),
             r"demosift judge --resume --out 'it'\''s' ''"
+        );
+    }
+
+    #[test]
+    fn an_option_stands_before_what_can_be_none() {
+        let typed = ["demosift", "sift", "--out", "run", "--", "--resume"];
+        assert_eq!(
+            command_to_resume(typed.into_iter().map(str::to_owned)),
+            "demosift sift --out run --resume -- --resume"
         );
     }
 }

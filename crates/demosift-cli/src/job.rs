@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use demosift::adapt::MetaPrior;
+use demosift::artifact::Artifact as _;
 use demosift::data_only::DataOnly;
 use demosift::demonstration::{self, DemonstrationSet};
 use demosift::experiment::{self, Config, Run};
@@ -22,6 +24,13 @@ use crate::run_folder::{self, Begun, Data, Identity, RunFolder};
 use crate::task::{self, Chosen};
 use crate::terminal::Progress;
 
+/// Whether a subcommand needs a prior, and so learns one where none is kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Prior {
+    Needed,
+    NotNeeded,
+}
+
 /// A set, a task and a configuration that fit each other, with the run folder that keeps what comes of them.
 pub(crate) struct Job {
     set: DemonstrationSet,
@@ -36,13 +45,14 @@ pub(crate) struct Job {
 
 impl Job {
     /// Reads and checks everything, then begins the run or goes on with it.
-    pub(crate) fn open(arguments: &JobArguments) -> Result<Self> {
-        Self::open_checked(arguments, |_, _| Ok(()))
+    pub(crate) fn open(arguments: &JobArguments, prior: Prior) -> Result<Self> {
+        Self::open_checked(arguments, prior, |_, _| Ok(()))
     }
 
     /// The same with a check of what a subcommand wants of set and configuration.
     pub(crate) fn open_checked(
         arguments: &JobArguments,
+        prior: Prior,
         check: impl FnOnce(&DemonstrationSet, &Config) -> Result<()>,
     ) -> Result<Self> {
         use_threads(arguments.run.threads)?;
@@ -69,7 +79,9 @@ impl Job {
         experiment::check(&set, plan.chosen.task.specification(), &config)
             .map_err(|error| if error.is_bad_input() { error.at(&path) } else { error })?;
         check(&set, &config)?;
-        experiment::check_budget(&set, &Playground::new(plan.chosen.task.as_ref()), &config)?;
+        if prior == Prior::Needed && !plan.holds_prior()? {
+            experiment::check_budget(&set, &Playground::new(plan.chosen.task.as_ref()), &config)?;
+        }
         let folder = plan.open_folder(Some(data.clone()), &values, arguments.run.dry_run)?;
         let progress = match arguments.run.dry_run {
             true => Progress::of_bar_only(),
@@ -196,6 +208,15 @@ impl Plan {
             }
             _ => Ok(()),
         }
+    }
+
+    /// Whether the run has learned its prior already.
+    fn holds_prior(&self) -> Result<bool> {
+        if self.begun.is_none() {
+            return Ok(false);
+        }
+        let (_, folder) = run_folder::of_finished(&self.out)?;
+        Ok(MetaPrior::recall(&folder, "")?.is_some())
     }
 
     /// Begins the run, or goes on with the one that is there; a dry run only looks whether that could be done.

@@ -1,4 +1,7 @@
 //! A folder of pictures that appears whole or not at all.
+//!
+//! Ctrl-C while pictures are rendered leaves the hidden folder with those that are there, each of them whole; the next attempt
+//! takes it away.
 
 use std::ffi::OsString;
 use std::fs;
@@ -6,6 +9,8 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use demosift::{Error, Result, files};
+
+use crate::interruption::undisturbed;
 
 /// Pictures wait in a hidden folder beside it until all are there.
 pub(crate) struct PictureFolder {
@@ -49,7 +54,7 @@ impl PictureFolder {
     pub(crate) fn add(&self, name: &str, bytes: &[u8]) -> Result<()> {
         let path = self.partial.join(name);
         path.parent().map_or(Ok(()), |parent| self.make(parent))?;
-        files::write_atomically(&path, bytes)
+        undisturbed(|| files::write_atomically(&path, bytes))
     }
 
     /// Lets the folder appear.

@@ -110,6 +110,26 @@ fn a_budget_that_pays_for_nothing() {
     scratch.succeed(&format!("{job} --set meta_train.rounds={enough}"));
 }
 
+/// What learns no prior asks for no budget that would pay for one.
+#[test]
+fn a_budget_that_nobody_spends() {
+    let scratch = Scratch::new("unspent");
+    let task = TASK.replace("--out run", "");
+    let job = format!("set {task} --method maml-mi --set meta_train.rounds=1");
+    let wanted = ["meta_train.rounds = 1 ", "must be at least "];
+    complaint(&scratch, &format!("imitate {job} --out kept"), &wanted);
+    scratch.succeed(&format!("imitate {job} --out named --demonstration-ids 1"));
+    // A prior that is kept has been learned, whatever today's budget would pay for.
+    scratch.succeed(&format!("judge set {task} --method maml-mi --set meta_train.rounds=30 --out kept"));
+    for name in ["named/run.json", "kept/prior.safetensors"] {
+        assert!(scratch.0.join(name).exists(), "{name}");
+    }
+    std::fs::copy(scratch.0.join("kept/prior.safetensors"), scratch.0.join("named/prior.safetensors"))
+        .unwrap();
+    scratch.succeed(&format!("select {job} --out named --resume"));
+    scratch.succeed("report named");
+}
+
 #[test]
 fn one_episode_is_enough_to_convert() {
     let scratch = Scratch::new("one");

@@ -43,8 +43,14 @@ fn blocks(markdown: &str) -> Vec<Block> {
             before = if line.trim().is_empty() { before } else { line };
             continue;
         };
-        let text: Vec<&str> =
-            lines.by_ref().map(|(_, line)| line).take_while(|line| *line != "```").collect();
+        let mut text = Vec::new();
+        loop {
+            match lines.next() {
+                Some((_, "```")) => break,
+                Some((_, line)) => text.push(line),
+                None => panic!("line {}: a block that never ends", number + 1),
+            }
+        }
         let file = before.strip_prefix('`').and_then(|rest| rest.strip_suffix("`:"));
         let what = match (file, kind.trim()) {
             (Some(name), _) => What::File(name.to_owned()),
@@ -242,6 +248,12 @@ fn a_guide_that_leads_astray_is_caught_where_it_does() {
         assert!(why.starts_with(wanted), "{new}\nwanted: {wanted}\ngot: {why}");
         std::fs::remove_dir_all(&folder).unwrap();
     }
+}
+
+#[test]
+#[should_panic(expected = "line 28: a block that never ends")]
+fn a_block_that_never_ends_is_caught() {
+    blocks(GUIDE.strip_suffix("```\n").unwrap());
 }
 
 #[test]

@@ -4,6 +4,8 @@
 
 mod support;
 
+use demosift::demonstration::d4rl::{self, Episode};
+use demosift::rows::Rows;
 use serde_json::Value;
 use support::{Scratch, in_repository};
 
@@ -113,4 +115,46 @@ fn a_set_is_played_again_or_found_not_to_fit() {
     let said = String::from_utf8(output.stdout).unwrap().replace('\n', " ");
     assert!(output.status.code() == Some(2) && said.contains("the set holds no states"), "{said}");
     assert!(said.contains("an observation of the set has 4 numbers, and one of the task 55"), "{said}");
+}
+
+#[test]
+fn a_set_that_cannot_be_read_is_one_of_the_findings() {
+    let scratch = with_task("check-unreadable", "block", "block");
+    std::fs::write(scratch.0.join("cut.hdf5"), b"\x89HDF\r\n\x1a\nand no more").unwrap();
+    let numbers = |last: f32| Rows::from_flat(vec![0.1, 0.2, 0.1, last], 2).unwrap();
+    let actions = Rows::from_flat(vec![0.0, 0.5], 1).unwrap();
+    for (name, last) in [("nan", f32::NAN), ("one", 0.25)] {
+        let observations = numbers(last);
+        let episode =
+            Episode { observations: &observations, actions: &actions, states: None, terminated: false };
+        d4rl::write(&scratch.0.join(format!("{name}.hdf5")), &[episode]).unwrap();
+    }
+    for (set, wanted) in [
+        ("cut.hdf5", "cut.hdf5"),
+        ("nan.hdf5", "observation 1 at step 1 is NaN"),
+        ("nowhere.hdf5", "nowhere.hdf5"),
+    ] {
+        let output = scratch.run(&format!("task check block --data {set}"));
+        let said = String::from_utf8(output.stdout).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.starts_with("The task 'block':") && said.contains("same bits"), "{said}");
+        let words = said.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(
+            words.contains("ERROR the demonstrations cannot be read: ") && words.contains(wanted),
+            "{said}"
+        );
+    }
+    // One episode is not enough to choose from, and enough to be held against the task.
+    let output = scratch.run("task check block --data one.hdf5");
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(said.contains("1 demonstration with 2 observed numbers and 1 actions fit the task"), "{said}");
+}
+
+#[test]
+fn an_episode_has_an_end() {
+    let scratch = with_task("check-endless", "horizon = 20", "horizon = 9000000000000000000");
+    let output = scratch.run("task check block");
+    let complaint = String::from_utf8(output.stderr).unwrap();
+    assert!(complaint.contains("horizon = 9000000000000000000: must be at most 10000000"), "{complaint}");
+    assert_eq!(output.status.code(), Some(2));
 }

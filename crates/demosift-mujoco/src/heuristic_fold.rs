@@ -214,7 +214,7 @@ impl Fold {
 
     /// Whether it rises with its columns: then a distance in them would be rated the better the larger it is.
     pub(crate) fn rises_with_its_columns(&self) -> bool {
-        !self.negate && !matches!(self.kind, FoldKind::Count | FoldKind::LastMinusFirst)
+        !self.negate && self.kind != FoldKind::Count
     }
 
     /// Whether it may be the same in many episodes by design: it counts, or looks only where conditions hold.

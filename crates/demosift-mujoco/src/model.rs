@@ -203,7 +203,7 @@ impl Model {
 
     /// All joints in order of their ids, which is the order of their numbers in the state.
     pub(crate) fn joints(&self) -> Vec<Joint> {
-        let names = self.names(Kind::Joint).into_iter().enumerate();
+        let names = self.called(Kind::Joint).into_iter().enumerate();
         names
             .map(|(id, name)| {
                 let (positions, velocities) = match self.0.jnt_type()[id] {
@@ -212,7 +212,6 @@ impl Model {
                     MjtJoint::mjJNT_SLIDE | MjtJoint::mjJNT_HINGE => (1, 1),
                 };
                 let (qpos, qvel) = (self.0.jnt_qposadr()[id] as usize, self.0.jnt_dofadr()[id] as usize);
-                let name = name.unwrap_or_else(|| format!("(nameless joint {id})"));
                 Joint { name, qpos: qpos..qpos + positions, qvel: qvel..qvel + velocities }
             })
             .collect()

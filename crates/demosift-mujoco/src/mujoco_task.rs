@@ -201,7 +201,20 @@ fn beside(task_file: &Path, model: &str) -> PathBuf {
     task_file.parent().unwrap_or(Path::new("")).join(model)
 }
 
+/// Control steps that an episode may have: beyond any that could be learned from, and few enough to be counted and kept.
+const LONGEST: usize = 10_000_000;
+
+fn horizon(file: &TaskFile) -> Result<usize> {
+    match file.horizon.get() {
+        horizon if horizon > LONGEST => {
+            Err(Error::bad_config(format!("horizon = {horizon}: must be at most {LONGEST} control steps")))
+        }
+        horizon => Ok(horizon),
+    }
+}
+
 fn resolve(file: &TaskFile, model: Model) -> Result<Blueprint> {
+    let horizon = horizon(file)?;
     let names: Vec<String> = file.measurements.keys().cloned().collect();
     let observation =
         observation::resolve(&file.observation, &model).map_err(|error| error.during("observation"))?;
@@ -229,7 +242,7 @@ fn resolve(file: &TaskFile, model: Model) -> Result<Blueprint> {
         control_ranges,
         measurements: names,
         variants: variant_names(file)?,
-        horizon: file.horizon.get(),
+        horizon,
         control_step_secs,
     };
     Ok(Blueprint {

@@ -125,6 +125,12 @@ fn each_mistake_in_a_task_is_found() {
             "the higher the larger the distance `reach`: if near is good, add `negate",
         ),
         (
+            "fold = \"mean\"\nof = \"reach\"\nnegate = true",
+            "fold = \"last_minus_first\"\nof = \"reach\"",
+            Warning,
+            "the higher the larger the distance `reach`",
+        ),
+        (
             "reward = [{ measurement = \"reach\", weight = -1.0 }]",
             "",
             Warning,
@@ -181,7 +187,7 @@ fn each_mistake_in_a_task_is_found() {
 }
 
 /// Three episodes of random actions with their states, as `task` plays them.
-fn record(task: &MujocoTask) -> (DemonstrationSet, Vec<StateLog>) {
+fn record(task: &MujocoTask) -> (Vec<Demonstration>, Vec<StateLog>) {
     let specification = task.specification();
     let mut environment = task.mujoco_environment().unwrap();
     let mut observation = vec![0.0; specification.observation_size];
@@ -205,29 +211,33 @@ fn record(task: &MujocoTask) -> (DemonstrationSet, Vec<StateLog>) {
         demonstrations.push(Demonstration::new(observations, actions).unwrap());
         logs.push(log);
     }
-    (DemonstrationSet::new(demonstrations).unwrap(), logs)
+    (demonstrations, logs)
+}
+
+fn all(set: &DemonstrationSet) -> Vec<Demonstration> {
+    set.iter().map(|(_, one)| one.clone()).collect()
 }
 
 /// The set with other observations and actions, made row by row of the old ones.
 fn changed(
-    set: &DemonstrationSet,
+    set: &[Demonstration],
     observe: impl Fn(&[f32]) -> Vec<f32>,
     act: impl Fn(&Rows, usize) -> Vec<f32>,
-) -> DemonstrationSet {
-    let demonstrations = set.iter().map(|(_, one)| {
+) -> Vec<Demonstration> {
+    let demonstrations = set.iter().map(|one| {
         let observations: Vec<Vec<f32>> = one.observations().iter().map(&observe).collect();
         let actions: Vec<Vec<f32>> = (0..one.steps()).map(|step| act(one.actions(), step)).collect();
         let rows = |rows: &[Vec<f32>]| rows.iter().map(Vec::as_slice).collect::<Rows>();
         Demonstration::new(rows(&observations), rows(&actions)).unwrap()
     });
-    DemonstrationSet::new(demonstrations.collect()).unwrap()
+    demonstrations.collect()
 }
 
 fn same(actions: &Rows, step: usize) -> Vec<f32> {
     actions.row(step).to_vec()
 }
 
-fn compared(task: &MujocoTask, set: &DemonstrationSet, states: &[StateLog]) -> (Recorded, Vec<Finding>) {
+fn compared(task: &MujocoTask, set: &[Demonstration], states: &[StateLog]) -> (Recorded, Vec<Finding>) {
     check::compare(task, set, Some(states)).unwrap()
 }
 
@@ -281,12 +291,12 @@ fn observations_in_another_order_or_unit_are_found_and_named() {
 fn observations_of_the_next_step_are_found() {
     let task = load(TASK, MODEL);
     let (set, states) = record(&task);
-    let demonstrations = set.iter().map(|(_, one)| {
+    let demonstrations = set.iter().map(|one| {
         let rows: Rows =
             (0..one.steps()).map(|step| one.observations().row((step + 1).min(one.steps() - 1))).collect();
         Demonstration::new(rows, one.actions().clone()).unwrap()
     });
-    let late = DemonstrationSet::new(demonstrations.collect()).unwrap();
+    let late: Vec<Demonstration> = demonstrations.collect();
     let (_, findings) = compared(&task, &late, &states);
     assert_found(&findings, Severity::Error, "seem to be those after the action");
 }
@@ -330,8 +340,8 @@ fn a_demonstration_by_another_body_is_told_from_the_others() {
     let heavier = load(TASK, &MODEL.replace("armature=\"0.01\"", "armature=\"0.03\""));
     let ((own, mut states), (others, other_states)) = (record(&task), record(&heavier));
     let demonstrations = own.iter().zip(others.iter()).enumerate();
-    let mixed = demonstrations.map(|(at, ((_, own), (_, other)))| if at == 1 { other } else { own }.clone());
-    let mixed = DemonstrationSet::new(mixed.collect()).unwrap();
+    let mixed = demonstrations.map(|(at, (own, other))| if at == 1 { other } else { own }.clone());
+    let mixed: Vec<Demonstration> = mixed.collect();
     states[1] = other_states[1].clone();
     let (recorded, findings) = compared(&task, &mixed, &states);
     assert_found(&findings, Severity::Warning, "the actions of 1 of 3 demonstrations (1) do not lead");
@@ -377,6 +387,89 @@ fn what_does_not_fit_is_said_with_sizes() {
 }
 
 #[test]
+fn one_demonstration_is_enough_and_none_or_two_sizes_are_not() {
+    let task = load(TASK, MODEL);
+    let (set, states) = record(&task);
+    let (recorded, findings) = compared(&task, &set[..1], &states[..1]);
+    assert_fine(&findings);
+    assert_eq!(recorded.demonstrations.len(), 1);
+    let narrow = changed(&set[1..2], |row| row[..5].to_vec(), same);
+    let (_, findings) = compared(&task, &[&set[..1], &narrow].concat(), &states[..2]);
+    assert_found(
+        &findings,
+        Severity::Error,
+        "demonstration 1 has 5 observed numbers and 2 actions, but demonstration 0 has 8 and 2",
+    );
+    assert_found(&compared(&task, &[], &[]).1, Severity::Error, "the set holds no demonstration");
+}
+
+#[test]
+fn positions_or_velocities_that_were_not_recorded_are_found() {
+    let task = load(TASK, MODEL);
+    let (set, states) = record(&task);
+    let still = states.iter().map(|log| StateLog { qpos: vec![0.0; log.qpos.len()], ..log.clone() });
+    let (recorded, findings) = compared(&task, &set, &still.collect::<Vec<_>>());
+    assert_found(
+        &findings,
+        Severity::Error,
+        "positions never change in the recording of 3 of 3 demonstrations",
+    );
+    assert!(recorded.demonstrations.iter().all(|one| one.missed.unwrap() < 10.0), "{recorded:?}");
+    assert!(findings.iter().all(|one| one.message.len() < 300), "{findings:#?}");
+    let slow = states.iter().map(|log| StateLog { qvel: vec![0.0; log.qvel.len()], ..log.clone() });
+    let (_, findings) = compared(&task, &set, &slow.collect::<Vec<_>>());
+    assert_found(&findings, Severity::Error, "velocities are 0 all along in the recording of 3 of 3");
+}
+
+/// What is wrong after the first steps of a very large set is not seen, which is said.
+#[test]
+fn of_a_large_set_the_first_steps_are_looked_at() {
+    let task = load(TASK, MODEL);
+    let (set, states) = record(&task);
+    let many: Vec<Demonstration> = set.iter().cycle().take(600).cloned().collect();
+    let logs: Vec<StateLog> = states.iter().cycle().take(600).cloned().collect();
+    let (_, findings) = compared(&task, &many, &logs);
+    assert_fine(&findings);
+    assert_found(&findings, Severity::Fine, "number by number (of the first 33 steps of each demonstration)");
+    assert_found(
+        &findings,
+        Severity::Fine,
+        "of a step's change) (of the first 33 steps of each demonstration)",
+    );
+    let swapped = |row: &[f32]| [&row[2..4], &row[..2], &row[4..]].concat();
+    let (_, findings) = compared(&task, &changed(&many, swapped, same), &logs);
+    assert_found(
+        &findings,
+        Severity::Error,
+        "(of the first 33 steps of each demonstration): in the recording number 0",
+    );
+}
+
+#[test]
+fn of_very_long_episodes_the_beginning_is_played() {
+    let long = load(&TASK.replace("horizon = 40", "horizon = 10000000"), MODEL);
+    let (played, findings) = check::play(&long, &Seed::new(0)).unwrap();
+    assert_eq!((played.episodes, played.steps_per_episode, played.steps), (4, 50_000, 200_000));
+    // Two episodes again, and two actuators either way.
+    assert_eq!(played.steps_in_all, 200_000 + 2 * 50_000 + 2 * 2 * 10);
+    assert_eq!((played.success, played.steps_per_sec(2.0)), (None, 150_020.0));
+    assert_eq!(check::count(&findings, Severity::Error), 0, "{findings:#?}");
+}
+
+#[test]
+fn a_part_without_a_name_is_called_the_same_everywhere() {
+    let task = load(
+        TASK,
+        &MODEL
+            .replace("<joint name=\"elbow\"/>", "<joint/>")
+            .replace("\"bend\" joint=\"elbow\"", "\"bend\" joint=\"shoulder\""),
+    );
+    let (seen, _) = check::look(&task);
+    assert_eq!(seen.joints, ["shoulder", "joint 1"]);
+    assert_eq!(seen.observation[0].columns, ["qpos shoulder", "qpos joint 1"]);
+}
+
+#[test]
 fn states_are_taken_from_observations_that_hold_all_of_them() {
     let task = load(TASK, MODEL);
     let (set, _) = record(&task);
@@ -418,7 +511,7 @@ fn a_public_set_leads_where_its_recorder_says() {
         return;
     }
     let task = demosift_mujoco::registry::load("half_cheetah").unwrap();
-    let (recorded, findings) = check::compare(&task, &d4rl::read(&path).unwrap(), None).unwrap();
+    let (recorded, findings) = check::compare(&task, &all(&d4rl::read(&path).unwrap()), None).unwrap();
     assert_eq!(check::count(&findings, Severity::Error), 0, "{findings:#?}");
     let missed: Vec<f64> = recorded.demonstrations.iter().map(|one| one.missed.unwrap()).collect();
     assert!(missed.iter().all(|missed| *missed < 0.04), "{missed:?}");
@@ -435,7 +528,7 @@ fn the_sets_of_the_repository_are_of_their_tasks() {
     ] {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data").join(set);
         let path = path.join("demonstrations.hdf5");
-        let (set, states) = (d4rl::read(&path).unwrap(), d4rl::read_states(&path).unwrap().unwrap());
+        let (set, states) = (all(&d4rl::read(&path).unwrap()), d4rl::read_states(&path).unwrap().unwrap());
         let task = demosift_mujoco::registry::load(task).unwrap();
         let (recorded, findings) = compared(&task, &set, &states);
         assert_eq!(check::count(&findings, Severity::Error), 0, "{findings:#?}");

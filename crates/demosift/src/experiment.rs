@@ -139,7 +139,6 @@ pub struct Selection {
 /// The whole job.
 pub fn sift(run: &mut Run<'_>) -> Result<Sifted> {
     check(run.set, run.playground.specification(), run.config)?;
-    check_budget(run.set, run.playground, run.config)?;
     let prior = prior(run)?;
     let scores = scores(run, &prior)?;
     let data_only = data_only(run)?;
@@ -180,6 +179,7 @@ pub fn prior(run: &mut Run<'_>) -> Result<MetaPrior> {
     if let Some(prior) = Artifact::recall(run.ledger, "")? {
         return Ok(prior);
     }
+    check_budget(run.set, run.playground, run.config)?;
     let config = run.config;
     let seed = learning_seed(config);
     let hidden = &config.meta_train.discriminator_hidden;

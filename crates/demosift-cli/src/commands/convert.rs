@@ -10,6 +10,7 @@ use serde_json::json;
 
 use crate::arguments::{ConvertArguments, Target};
 use crate::demonstrations;
+use crate::interruption::undisturbed;
 use crate::{task, terminal};
 
 pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
@@ -23,9 +24,9 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
             let steps_per_sec = steps_per_sec(arguments.fps, arguments.task.as_deref())?;
             let states = demonstration::read_states(&path, Some(source.format))?;
             let task = arguments.task.as_deref().map_or_else(|| name_of(out), task_name);
-            lerobot::write(out, &source.episodes, states.as_deref(), steps_per_sec, &task)?;
+            undisturbed(|| lerobot::write(out, &source.episodes, states.as_deref(), steps_per_sec, &task))?;
         }
-        Target::Minari => minari::write(out, &source.episodes, &minari_id(out))?,
+        Target::Minari => undisturbed(|| minari::write(out, &source.episodes, &minari_id(out)))?,
     }
     let total: usize = source.episodes.iter().map(|episode| episode.actions.len()).sum();
     if arguments.json {

@@ -17,6 +17,7 @@ use super::convert;
 use crate::arguments::{ExportArguments, Form, SourceArguments};
 use crate::configuration::Layer;
 use crate::demonstrations::{self, Demonstrations};
+use crate::interruption::undisturbed;
 use crate::run_folder::{self, Data, Identity, RunFolder};
 use crate::terminal;
 
@@ -50,7 +51,7 @@ fn write_lerobot(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     let states = demonstration::read_states(&kept.demonstrations.path, kept.data.format)?;
     let (episodes, states) = convert::chosen(&kept.demonstrations.source, states.as_deref(), &kept.ids);
     let task = convert::task_name(&kept.identity.task);
-    lerobot::write(&out, &episodes, states.as_deref(), steps_per_sec, &task)?;
+    undisturbed(|| lerobot::write(&out, &episodes, states.as_deref(), steps_per_sec, &task))?;
     written(kept, &out)
 }
 
@@ -58,10 +59,10 @@ fn write_minari(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     let out = folder(arguments)?;
     let name = convert::minari_id(&out);
     if kept.demonstrations.source.format == Format::MinariHdf5 {
-        minari::write_subset(&out, &kept.demonstrations.path, &labels(kept), &name)?;
+        undisturbed(|| minari::write_subset(&out, &kept.demonstrations.path, &labels(kept), &name))?;
     } else {
         let (episodes, _) = convert::chosen(&kept.demonstrations.source, None, &kept.ids);
-        minari::write(&out, &episodes, &name)?;
+        undisturbed(|| minari::write(&out, &episodes, &name))?;
     }
     written(kept, &out)
 }
@@ -120,7 +121,8 @@ fn add_filter_key(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
             .at(path)
             .with_hint("add --edit-my-file to allow it; nothing but the key is changed"));
     }
-    robomimic::add_filter_key(path, &arguments.name, &labels(kept))?;
+    // In place, so a write that is cut short could take the whole file with it.
+    undisturbed(|| robomimic::add_filter_key(path, &arguments.name, &labels(kept)))?;
     terminal::show(&format!(
         "Filter key '{}' of {} demonstrations: {}\n",
         arguments.name,
@@ -218,7 +220,7 @@ fn say(text: &str, arguments: &ExportArguments) -> Result<()> {
             Err(Error::bad_input("there is something of this name already; wanted the name of a new file")
                 .at(out))
         }
-        Some(out) => files::write_atomically(out, text.as_bytes()),
+        Some(out) => undisturbed(|| files::write_atomically(out, text.as_bytes())),
         None => {
             terminal::show(text);
             Ok(())

@@ -8,12 +8,14 @@ use serde_json::json;
 
 use super::{dry_run, kept_in, select};
 use crate::arguments::ImitateArguments;
-use crate::job::Job;
+use crate::job::{Job, Prior};
 use crate::{tables, terminal};
 
 pub(crate) fn run(arguments: &ImitateArguments) -> Result<()> {
     let ids = &arguments.demonstration_ids;
-    let mut job = Job::open_checked(&arguments.job, |set, _| check(ids, set))?;
+    // The kept demonstrations are those of the ranking; named ones need none.
+    let prior = if ids.is_empty() { Prior::Needed } else { Prior::NotNeeded };
+    let mut job = Job::open_checked(&arguments.job, prior, |set, _| check(ids, set))?;
     let (run, demos) = (&arguments.job.run, named(ids));
     match (demos.is_empty(), run.dry_run) {
         (true, true) => dry_run::of_job(&mut job, Goal::Comparison, run),

@@ -7,14 +7,14 @@ use serde_json::json;
 
 use super::{dry_run, kept_in};
 use crate::arguments::JobArguments;
-use crate::job::Job;
+use crate::job::{Job, Prior};
 use crate::tables::by_variant;
 use crate::tables::costs;
 use crate::tables::judgment::{self, Judgment};
 use crate::terminal;
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
-    let mut job = Job::open(arguments)?;
+    let mut job = Job::open(arguments, Prior::Needed)?;
     if arguments.run.dry_run {
         return dry_run::of_job(&mut job, Goal::Scores, &arguments.run);
     }

@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::{dry_run, kept_in};
 use crate::arguments::OracleArguments;
-use crate::job::Job;
+use crate::job::{Job, Prior};
 use crate::tables::{self, Scale};
 use crate::terminal;
 
@@ -29,7 +29,7 @@ pub(crate) fn run(arguments: &OracleArguments) -> Result<()> {
     if arguments.repeats == 0 {
         return Err(Error::bad_config("--repeats 0: must be at least 1"));
     }
-    let mut job = Job::open(&arguments.job)?;
+    let mut job = Job::open(&arguments.job, Prior::NotNeeded)?;
     if arguments.job.run.dry_run {
         job.run(|run| kept(run, arguments.random))?;
         let goal = Goal::Oracle { repeats: arguments.repeats, random: arguments.random };

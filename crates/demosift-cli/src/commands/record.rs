@@ -24,6 +24,7 @@ use self::source::{Guest, Source};
 use super::{dry_run, kept_in};
 use crate::arguments::{RecordArguments, RunArguments};
 use crate::configuration;
+use crate::interruption::undisturbed;
 use crate::job::{self, Plan};
 use crate::metrics_file::MetricsFile;
 use crate::run_folder::RunFolder;
@@ -356,7 +357,7 @@ fn write(path: &Path, recorded: &[Recorded]) -> Result<()> {
             terminated: trajectory.terminated(),
         })
         .collect();
-    d4rl::write(path, &episodes)
+    undisturbed(|| d4rl::write(path, &episodes))
 }
 
 fn tell(provenance: &Provenance, unit: &str) -> String {

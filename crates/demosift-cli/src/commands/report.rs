@@ -10,7 +10,7 @@ use serde_json::json;
 
 use crate::arguments::ReportArguments;
 use crate::interruption::undisturbed;
-use crate::job::Job;
+use crate::job::{Job, Prior};
 use crate::report::{page, replay};
 use crate::run_folder;
 use crate::terminal;
@@ -20,7 +20,7 @@ const PAGE: &str = "report.html";
 
 pub(crate) fn run(arguments: &ReportArguments) -> Result<()> {
     run_folder::of_finished(&arguments.run_folder)?;
-    let mut job = Job::open(&arguments.job())?;
+    let mut job = Job::open(&arguments.job(), Prior::NotNeeded)?;
     if !arguments.json {
         let page = write(&mut job)?;
         terminal::show(&format!("Report: {}\n", page.display()));

@@ -10,13 +10,13 @@ use serde_json::json;
 
 use super::{dry_run, kept_in};
 use crate::arguments::JobArguments;
-use crate::job::Job;
+use crate::job::{Job, Prior};
 use crate::tables::judgment::{self, Judgment};
 use crate::tables::{costs, weights};
 use crate::terminal;
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
-    let mut job = Job::open(arguments)?;
+    let mut job = Job::open(arguments, Prior::Needed)?;
     if arguments.run.dry_run {
         return dry_run::of_job(&mut job, Goal::Selection, &arguments.run);
     }

@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::{dry_run, kept_in, report, select};
 use crate::arguments::JobArguments;
-use crate::job::Job;
+use crate::job::{Job, Prior};
 use crate::own_heuristic::Beside;
 use crate::tables::by_variant;
 use crate::tables::judgment::{self, Judgment};
@@ -17,7 +17,7 @@ use crate::tables::{costs, weights};
 use crate::{tables, terminal};
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
-    let mut job = Job::open(arguments)?;
+    let mut job = Job::open(arguments, Prior::Needed)?;
     if arguments.run.dry_run {
         return dry_run::of_job(&mut job, Goal::Comparison, &arguments.run);
     }

@@ -1,16 +1,18 @@
 //! `demosift task check`: what a task is made of, whether it can be learned in, and whether demonstrations fit it.
 
+use std::path::Path;
 use std::time::Instant;
 
-use demosift::demonstration;
+use demosift::demonstration::{self, Demonstration};
 use demosift::seed::Seed;
+use demosift::trajectory::StateLog;
 use demosift::{Error, Result};
 use demosift_mujoco::check::{
     self, Actuator, Compared, Finding, Played, Range, Recorded, Seen, Severity, StatesFrom,
 };
 use serde_json::json;
 
-use crate::arguments::{TaskCheckArguments, TaskCommand};
+use crate::arguments::{SourceArguments, TaskCheckArguments, TaskCommand};
 use crate::tables::{self, Scale, table, wrapped};
 use crate::task::{self, Chosen};
 use crate::{demonstrations, terminal};
@@ -37,19 +39,20 @@ fn check(arguments: &TaskCheckArguments) -> Result<()> {
     let (seen, mut findings) = check::look(&task);
     let start = Instant::now();
     let (played, more) = check::play(&task, &Seed::new(arguments.seed))?;
-    let steps_per_sec = played.steps as f64 / start.elapsed().as_secs_f64();
+    let steps_per_sec = played.steps_per_sec(start.elapsed().as_secs_f64());
     findings.extend(more);
-    let recorded = match &arguments.data {
-        None => None,
-        Some(data) => {
-            let (source, path) = demonstrations::open_unchecked(Some(data), &arguments.storage, None)?;
-            let set = source.set().map_err(|error| error.at(&path))?;
-            let states = demonstration::read_states(&path, Some(source.format))?;
-            let (recorded, more) = check::compare(&task, &set, states.as_deref())?;
-            findings.extend(more);
-            Some(recorded)
+    let mut recorded = None;
+    if let Some(data) = &arguments.data {
+        match read(data, &arguments.storage) {
+            Ok((set, states)) => {
+                let (compared, more) = check::compare(&task, &set, states.as_deref())?;
+                findings.extend(more);
+                recorded = Some(compared);
+            }
+            // What was found of the task holds all the same.
+            Err(error) => findings.push(unreadable(&error)),
         }
-    };
+    }
     findings.sort_by_key(|finding| finding.severity);
     if arguments.json {
         terminal::show_json(&json!({
@@ -74,6 +77,21 @@ fn check(arguments: &TaskCheckArguments) -> Result<()> {
             arguments.task,
             if count == 1 { "an error".to_owned() } else { format!("{count} errors") }
         ))),
+    }
+}
+
+/// The demonstrations of a set, of which one is enough, and the simulator's states of each where it holds them.
+fn read(data: &Path, how: &SourceArguments) -> Result<(Vec<Demonstration>, Option<Vec<StateLog>>)> {
+    let (source, path) = demonstrations::open_unchecked(Some(data), how, None)?;
+    let set = source.demonstrations().map_err(|error| error.at(&path))?;
+    Ok((set, demonstration::read_states(&path, Some(source.format))?))
+}
+
+fn unreadable(error: &Error) -> Finding {
+    Finding {
+        severity: Severity::Error,
+        message: format!("the demonstrations cannot be read: {error}"),
+        advice: error.hint().map(str::to_owned),
     }
 }
 
@@ -114,7 +132,8 @@ fn summary(seen: &Seen) -> String {
 
 /// Names with their ranges, which are said once where they are all the same.
 fn actuators(seen: &Seen) -> String {
-    let range = |actuator: &Actuator| format!("{} to {}", short(actuator.low), short(actuator.high));
+    let range =
+        |actuator: &Actuator| format!("{} to {}", tables::short(actuator.low), tables::short(actuator.high));
     let ranges: Vec<String> = seen.actuators.iter().map(range).collect();
     let names: Vec<String> = seen.actuators.iter().map(|actuator| actuator.name.clone()).collect();
     if ranges.iter().all(|range| *range == ranges[0]) {
@@ -123,12 +142,6 @@ fn actuators(seen: &Seen) -> String {
     let named: Vec<String> =
         names.iter().zip(&ranges).map(|(name, range)| format!("{name} ({range})")).collect();
     counted(&named)
-}
-
-/// At most four decimals, and none that are 0.
-fn short(number: f64) -> String {
-    let written = format!("{number:.4}");
-    written.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 /// Such as `2: shoulder, elbow`.
@@ -153,11 +166,16 @@ fn under_random_actions(seen: &Seen, played: &Played, steps_per_sec: f64) -> Str
             scale.with_unit(played.scores.greatest)
         )
     };
+    let cut = if played.steps_per_episode < seen.horizon {
+        format!(" (the first {} control steps of each)", played.steps_per_episode)
+    } else {
+        String::new()
+    };
     let words = format!(
-        "{} episodes of random actions: {} control steps, {} a second on one thread.",
-        played.episodes,
+        "{}{cut} of random actions: {} control steps, {} a second on one thread.",
+        check::several(played.episodes, "episode"),
         played.steps,
-        rounded(steps_per_sec)
+        tables::rounded(steps_per_sec)
     );
     let number = |value: f64| if value.is_finite() { format!("{value:.4}") } else { "none".to_owned() };
     let remark = |range: &Range| if range.is_constant() { "constant" } else { "" }.to_owned();
@@ -178,13 +196,12 @@ fn under_random_actions(seen: &Seen, played: &Played, steps_per_sec: f64) -> Str
     rows.extend(
         measured.map(|(measured, range)| row(format!("{}: {}", measured.name, measured.what), range)),
     );
-    format!("\n{words}\n{}\n\n{}{rest}", wrapped(&scores), table(&["what", "least", "greatest", ""], &rows))
-}
-
-/// Two digits that count.
-fn rounded(number: f64) -> String {
-    let unit = 10_f64.powf(number.max(1.0).log10().floor() - 1.0).max(1.0);
-    format!("{:.0}", (number / unit).round() * unit)
+    format!(
+        "\n{}\n{}\n\n{}{rest}",
+        wrapped(&words),
+        wrapped(&scores),
+        table(&["what", "least", "greatest", ""], &rows)
+    )
 }
 
 fn under_recorded_actions(seen: &Seen, recorded: &Recorded) -> String {
@@ -239,24 +256,15 @@ fn row_of(
     if says {
         row.push(one.succeeded.map_or_else(unknown, tables::yes_or_no));
     }
-    row.push(one.missed.map_or_else(unknown, |missed| format!("{:.1} %", missed * 100.0)));
+    row.push(one.missed.map_or_else(unknown, check::percent_missed));
     match one.drift {
         None => row.extend([(); 3].map(|()| unknown())),
         Some(drift) => {
-            row.extend([drift.greatest, drift.rms].map(drifted));
+            row.extend([drift.greatest, drift.rms].map(tables::drifted));
             row.push(drift.left_at.map_or_else(|| "never".to_owned(), |step| format!("step {step}")));
         }
     }
     row
-}
-
-/// A difference of positions, of which the size matters.
-fn drifted(off: f64) -> String {
-    match off {
-        0.0 => "0".to_owned(),
-        0.0005.. => format!("{off:.3}"),
-        _ => format!("{off:.0e}"),
-    }
 }
 
 fn told(findings: &[Finding]) -> String {

@@ -7,13 +7,13 @@ use serde_json::json;
 
 use super::{dry_run, kept_in};
 use crate::arguments::JobArguments;
-use crate::job::Job;
+use crate::job::{Job, Prior};
 use crate::tables::{costs, weights};
 use crate::terminal;
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let check = |_: &_, config: &Config| experiment::check_has_weights(config.method);
-    let mut job = Job::open_checked(arguments, check)?;
+    let mut job = Job::open_checked(arguments, Prior::Needed, check)?;
     if arguments.run.dry_run {
         return dry_run::of_job(&mut job, Goal::Weighing, &arguments.run);
     }

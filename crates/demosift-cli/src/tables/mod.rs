@@ -112,6 +112,27 @@ pub(crate) fn percent(share: f64) -> String {
     format!("{:.0} %", share * 100.0)
 }
 
+/// Two digits that count.
+pub(crate) fn rounded(number: f64) -> String {
+    let unit = 10_f64.powf(number.max(1.0).log10().floor() - 1.0).max(1.0);
+    format!("{:.0}", (number / unit).round() * unit)
+}
+
+/// At most four decimals, and none that are 0.
+pub(crate) fn short(number: f64) -> String {
+    let written = format!("{number:.4}");
+    written.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// A difference of positions, of which the size matters.
+pub(crate) fn drifted(off: f64) -> String {
+    match off {
+        0.0 => "0".to_owned(),
+        0.0005.. => format!("{off:.3}"),
+        _ => format!("{off:.0e}"),
+    }
+}
+
 /// The policy from the subset beside that from the whole set, and an honest word on which is better.
 pub(crate) fn comparison(
     set: &DemonstrationSet,
@@ -224,5 +245,12 @@ mod tests {
         let far = Scale::of([4312.0, -178.0], "");
         assert_eq!((far.plain(4312.4), far.with_unit(-178.0)), ("4312".to_owned(), "-178".to_owned()));
         assert_eq!(far.title("gain"), "gain");
+    }
+
+    #[test]
+    fn numbers_have_the_digits_that_matter() {
+        assert_eq!([26_340.0, 999.0, 7.4, 0.2].map(rounded), ["26000", "1000", "7", "0"]);
+        assert_eq!([-1.0, 0.25, 1.234_56].map(short), ["-1", "0.25", "1.2346"]);
+        assert_eq!([0.0, 0.00001, 0.0123].map(drifted), ["0", "1e-5", "0.012"]);
     }
 }

@@ -5,7 +5,7 @@ use demosift::environment::Task as _;
 use demosift::rows::Rows;
 use demosift::trajectory::StateLog;
 
-use super::{Finding, first_few};
+use super::{Finding, first_few, in_first, looked_at};
 use crate::model::Joint;
 use crate::mujoco_task::MujocoTask;
 use crate::replay::Replay;
@@ -28,6 +28,7 @@ struct Made {
 }
 
 /// A recorded episode with its states.
+#[derive(Clone, Copy)]
 pub(super) struct Episode<'a> {
     pub(super) observations: &'a Rows,
     pub(super) states: &'a StateLog,
@@ -35,13 +36,15 @@ pub(super) struct Episode<'a> {
 
 /// Holds recorded observations, `[T, obs]`, against what the task observes in the recorded states.
 ///
+/// Of a large set only the first steps are looked at, as every column is held in memory several times.
 /// Contact wrenches are left out: they are of the physics step before the state, which no recording holds.
 ///
 /// # Errors
 /// `is_bad_input` if the states are not of the task's model.
 pub(super) fn compare(task: &MujocoTask, episodes: &[Episode<'_>]) -> Result<Vec<Finding>> {
-    let recorded = columns_of(episodes);
-    let made = make(task, episodes)?;
+    let each = looked_at(episodes.iter().map(|episode| episode.observations.len()));
+    let recorded = columns_of(episodes, each);
+    let made = make(task, episodes, each)?;
     let fits = recorded.len() == made.observed.len();
     let pairs = recorded.iter().zip(&made.observed).enumerate();
     let wrong: Vec<usize> = pairs
@@ -56,12 +59,15 @@ pub(super) fn compare(task: &MujocoTask, episodes: &[Episode<'_>]) -> Result<Vec
         let rest =
             if unknown == 0 { String::new() } else { format!(" (but for {unknown} of contact wrenches)") };
         return Ok(vec![Finding::fine(format!(
-            "the recorded observations are what the task observes in the recorded states, number by number{rest}"
+            "the recorded observations are what the task observes in the recorded states, number by number{rest}{}",
+            in_first(each)
         ))]);
     }
     let all: Vec<usize> = (0..recorded.len()).collect();
     let asked = if fits { &wrong } else { &all };
-    Ok(vec![explain(&recorded, &made, asked, fits)])
+    let mut finding = explain(&recorded, &made, asked, fits);
+    finding.message += &in_first(each);
+    Ok(vec![finding])
 }
 
 /// What is wrong with the columns `asked`, and what they seem to be.
@@ -134,17 +140,22 @@ fn follows(recorded: &[f64], made: &[f64]) -> bool {
     count * 10 >= (made.len() - 1) * 9
 }
 
-fn columns_of(episodes: &[Episode<'_>]) -> Vec<Column> {
+/// The first so many rows, or all.
+fn head<T>(rows: impl Iterator<Item = T>, each: Option<usize>) -> impl Iterator<Item = T> {
+    rows.take(each.unwrap_or(usize::MAX))
+}
+
+fn columns_of(episodes: &[Episode<'_>], each: Option<usize>) -> Vec<Column> {
     let width = episodes.first().map_or(0, |episode| episode.observations.width());
     let values = |column: usize| {
-        let rows = episodes.iter().flat_map(|episode| episode.observations.iter());
+        let rows = episodes.iter().flat_map(|episode| head(episode.observations.iter(), each));
         rows.map(|row| f64::from(row[column])).collect()
     };
     (0..width).map(|column| Column { name: format!("number {column}"), values: values(column) }).collect()
 }
 
 /// Puts the simulation into every recorded state, and reads off what can be read.
-fn make(task: &MujocoTask, episodes: &[Episode<'_>]) -> Result<Made> {
+fn make(task: &MujocoTask, episodes: &[Episode<'_>], each: Option<usize>) -> Result<Made> {
     let specification = task.specification();
     let readings = &task.blueprint().observation;
     let told = readings.iter().flat_map(|reading| {
@@ -159,7 +170,7 @@ fn make(task: &MujocoTask, episodes: &[Episode<'_>]) -> Result<Made> {
     for episode in episodes {
         let steps = episode.observations.len();
         let mut replay = Replay::new(task, episode.states, steps)?;
-        for step in 0..steps {
+        for step in head(0..steps, each) {
             let environment = replay.at(step)?;
             environment.observe(&mut observation, &mut now);
             for (column, value) in observed.iter_mut().zip(&observation) {
@@ -172,16 +183,21 @@ fn make(task: &MujocoTask, episodes: &[Episode<'_>]) -> Result<Made> {
         }
     }
     for joint in task.model().joints() {
-        others.extend(columns_of_joint(&joint, episodes, task));
+        others.extend(columns_of_joint(&joint, episodes, each, task));
     }
     Ok(Made { observed, others })
 }
 
 /// Positions and velocities of a joint, and what recorders make of an angle.
-fn columns_of_joint(joint: &Joint, episodes: &[Episode<'_>], task: &MujocoTask) -> Vec<Column> {
+fn columns_of_joint(
+    joint: &Joint,
+    episodes: &[Episode<'_>],
+    each: Option<usize>,
+    task: &MujocoTask,
+) -> Vec<Column> {
     let (nq, nv) = (task.model().mujoco().nq() as usize, task.model().mujoco().nv() as usize);
     let column = |at: usize, width: usize, values: fn(&StateLog) -> &Vec<f64>| -> Vec<f64> {
-        let rows = episodes.iter().flat_map(|episode| values(episode.states).chunks_exact(width));
+        let rows = episodes.iter().flat_map(|episode| head(values(episode.states).chunks_exact(width), each));
         rows.map(|row| row[at]).collect()
     };
     let qpos = joint

@@ -8,7 +8,7 @@ use demosift::rows::Rows;
 use demosift::trajectory::StateLog;
 use serde::Serialize;
 
-use super::Finding;
+use super::{Finding, in_first, looked_at};
 use crate::environment::MujocoEnvironment;
 
 /// Positions of a replay may differ by this much, rad or m, before it counts as having left the recording.
@@ -100,7 +100,7 @@ pub(super) fn drift(environment: &mut MujocoEnvironment, episode: Episode<'_>) -
 }
 
 /// What each episode's actions miss of the recorded changes, each taken in its own recorded state; `None` for an episode of
-/// one state, or in which nothing moves.
+/// one state, or in which nothing moves. Of a large set only the first steps are played.
 ///
 /// # Errors
 /// `is_bad_input` if a state is not finite.
@@ -109,8 +109,42 @@ pub(super) fn misses(
     episodes: &[Episode<'_>],
 ) -> Result<Vec<Option<f64>>> {
     let taken = Taken::by(environment);
-    let each = episodes.iter().map(|episode| missed(environment, &[*episode], taken, usize::MAX));
+    let most = first_steps(episodes).unwrap_or(usize::MAX);
+    let each = episodes.iter().map(|episode| missed(environment, &[*episode], taken, most));
     each.collect()
+}
+
+fn first_steps(episodes: &[Episode<'_>]) -> Option<usize> {
+    looked_at(episodes.iter().map(|episode| episode.actions.len()))
+}
+
+/// Positions that stand still while velocities do not, or the other way round: one of the two was not recorded.
+pub(super) fn not_recorded(environment: &MujocoEnvironment, episodes: &[Episode<'_>]) -> Vec<Finding> {
+    let (nq, nv) = (environment.qpos().len(), environment.qvel().len());
+    let stands = |episode: &&Episode<'_>| {
+        let known: Vec<usize> = (0..nq).filter(|at| !episode.hidden.contains(at)).collect();
+        let first = &episode.states.qpos[..nq];
+        episode.states.qpos.chunks_exact(nq).all(|row| known.iter().all(|at| row[*at] == first[*at]))
+    };
+    let is_slow = |episode: &&Episode<'_>| episode.states.qvel.iter().all(|velocity| *velocity == 0.0);
+    // Of one state nothing can be said.
+    let long = episodes.iter().filter(|episode| nq > 0 && nv > 0 && episode.states.qvel.len() > nv);
+    let count = episodes.len();
+    let still = long.clone().filter(|episode| stands(episode) && !is_slow(episode)).count();
+    let slow = long.filter(|episode| !stands(episode) && is_slow(episode)).count();
+    let found = [
+        (still, "positions never change in the recording", "though velocities are not 0", "positions"),
+        (slow, "velocities are 0 all along in the recording", "though positions change", "velocities"),
+    ];
+    let found = found.into_iter().filter(|(number, ..)| *number > 0);
+    found
+        .map(|(number, what, though, which)| {
+            Finding::error(
+                format!("{what} of {number} of {}, {though}", super::several(count, "demonstration")),
+                format!("see whether the recorder wrote the {which} down at every step"),
+            )
+        })
+        .collect()
 }
 
 /// Whether actions lead to the recorded states, and if not, why; `misses` are those of the episodes, in order.
@@ -129,8 +163,9 @@ pub(super) fn judge(
     }
     if is_same_physics(largest) {
         let message = format!(
-            "each recorded action leads to the next recorded state (it misses at most {} of a step's change)",
-            percent(largest)
+            "each recorded action leads to the next recorded state (it misses at most {} of a step's change){}",
+            percent_missed(largest),
+            in_first(first_steps(episodes))
         );
         return Ok(Some(Finding::fine(message)));
     }
@@ -144,8 +179,9 @@ pub(super) fn judge(
         format!("{} of {} demonstrations ({})", wrong.len(), known.len(), super::first_few(&ids))
     };
     let message = format!(
-        "the actions of {whose} do not lead to the next recorded state: they miss up to {} of a step's change",
-        percent(largest)
+        "the actions of {whose} do not lead to the next recorded state: they miss up to {} of a step's change{}",
+        percent_missed(largest),
+        in_first(first_steps(episodes))
     );
     let advice = match explanation(environment, &odd)? {
         Some(words) => words,
@@ -165,13 +201,15 @@ pub(super) fn is_same_physics(missed: f64) -> bool {
     missed <= SAME_PHYSICS
 }
 
-fn percent(share: f64) -> String {
-    format!("{:.1} %", share * 100.0)
+/// A share with a decimal; what is many times over says no more with all its digits.
+pub fn percent_missed(share: f64) -> String {
+    if share <= 10.0 { format!("{:.1} %", share * 100.0) } else { "over 1000 %".to_owned() }
 }
 
 /// What of the change of a step is missed, root mean square over root mean square, of positions or of velocities: the larger.
 ///
 /// 0 is the same physics; 1 is as good as no prediction at all.
+/// What never changes has no share of its change; [`not_recorded`] speaks of it.
 fn missed(
     environment: &mut MujocoEnvironment,
     episodes: &[Episode<'_>],
@@ -203,8 +241,8 @@ fn missed(
             }
         }
     }
-    let share = |kind: usize| (error[kind] / change[kind].max(f64::MIN_POSITIVE)).sqrt();
-    Ok((transitions > 0 && change[1] > 0.0).then(|| share(0).max(share(1))))
+    let shares = error.into_iter().zip(change).filter(|(_, change)| *change > 0.0);
+    Ok(shares.map(|(error, change)| (error / change).sqrt()).reduce(f64::max))
 }
 
 /// The action to take in this environment for what was recorded.
@@ -251,5 +289,6 @@ fn explanation(environment: &mut MujocoEnvironment, episodes: &[Episode<'_>]) ->
             best = Some((missed, words));
         }
     }
-    Ok(best.map(|(missed, words)| format!("it seems that {words} (then they miss {})", percent(missed))))
+    Ok(best
+        .map(|(missed, words)| format!("it seems that {words} (then they miss {})", percent_missed(missed))))
 }

@@ -13,7 +13,7 @@ mod seen;
 
 use serde::Serialize;
 
-pub use dynamics::Drift;
+pub use dynamics::{Drift, percent_missed};
 pub use play::{Played, Range, play};
 pub use recorded::{Compared, Recorded, StatesFrom, compare};
 pub use seen::{Actuator, Measured, Part, Seen, look};
@@ -60,8 +60,24 @@ pub fn count(findings: &[Finding], severity: Severity) -> usize {
     findings.iter().filter(|finding| finding.severity == severity).count()
 }
 
+/// Steps of a set that are looked at one by one: a recording that is wrong is so from its beginning.
+const LOOKED_AT: usize = 20_000;
+
+/// How many steps of each demonstration are looked at, evenly over all; `None` if all of them are.
+fn looked_at(lengths: impl ExactSizeIterator<Item = usize>) -> Option<usize> {
+    let count = lengths.len();
+    (lengths.sum::<usize>() > LOOKED_AT).then(|| (LOOKED_AT / count).max(1))
+}
+
+/// What a finding says of that, such as ` (of the first 2 steps of each demonstration)`.
+fn in_first(steps: Option<usize>) -> String {
+    steps.map_or(String::new(), |steps| {
+        format!(" (of the first {} of each demonstration)", several(steps, "step"))
+    })
+}
+
 /// `1 episode`, `2 episodes`.
-fn several(count: usize, what: &str) -> String {
+pub fn several(count: usize, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 

@@ -1,7 +1,7 @@
 //! What becomes of recorded demonstrations in a task: sizes, actions, observations, and their actions played again.
 
 use demosift::Result;
-use demosift::demonstration::DemonstrationSet;
+use demosift::demonstration::Demonstration;
 use demosift::environment::{Specification, Task as _};
 use demosift::heuristic::Score;
 use demosift::rows::Rows;
@@ -54,17 +54,17 @@ pub struct Compared {
     pub succeeded: Option<bool>,
 }
 
-/// Holds a set against a task; `states` are the simulator's of each demonstration, where the set has them.
+/// Holds demonstrations, however many, against a task; `states` are the simulator's of each demonstration, where the set has them.
 ///
 /// # Errors
 /// If MuJoCo has no memory for a simulation. What is wrong with the set is a finding.
 pub fn compare(
     task: &MujocoTask,
-    set: &DemonstrationSet,
+    set: &[Demonstration],
     states: Option<&[StateLog]>,
 ) -> Result<(Recorded, Vec<Finding>)> {
     let specification = task.specification();
-    let compared = set.iter().map(|(_, demonstration)| {
+    let compared = set.iter().map(|demonstration| {
         let numbers = demonstration.actions().flat();
         Compared {
             steps: demonstration.steps(),
@@ -77,6 +77,9 @@ pub fn compare(
         }
     });
     let mut recorded = Recorded { states: StatesFrom::Nowhere, demonstrations: compared.collect() };
+    if let Some(finding) = other_sizes(set) {
+        return Ok((recorded, vec![finding]));
+    }
     let mut findings: Vec<Finding> = lengths(specification, &recorded).into_iter().collect();
     let made = match states {
         Some(_) => None,
@@ -114,20 +117,47 @@ pub fn compare(
     Ok((recorded, findings))
 }
 
+fn observation_size(set: &[Demonstration]) -> usize {
+    set.first().map_or(0, |one| one.observations().width())
+}
+
+fn action_size(set: &[Demonstration]) -> usize {
+    set.first().map_or(0, |one| one.actions().width())
+}
+
+/// Whether there are demonstrations at all, all of the same sizes.
+fn other_sizes(set: &[Demonstration]) -> Option<Finding> {
+    let advice = "see what was recorded; `demosift inspect` shows it";
+    if set.is_empty() {
+        return Some(Finding::error("the set holds no demonstration", advice));
+    }
+    let (observed, acted) = (observation_size(set), action_size(set));
+    let fits = |one: &Demonstration| (one.observations().width(), one.actions().width()) == (observed, acted);
+    let other = set.iter().position(|one| !fits(one))?;
+    let (observed_there, acted_there) = (set[other].observations().width(), set[other].actions().width());
+    Some(Finding::error(
+        format!(
+            "demonstration {other} has {observed_there} observed numbers and {acted_there} actions, but demonstration 0 has \
+             {observed} and {acted}"
+        ),
+        advice,
+    ))
+}
+
 /// Where states were replayed, [`columns::compare`] has said more of observations of another size.
-fn sizes(task: &MujocoTask, set: &DemonstrationSet, replayed: bool) -> Vec<Finding> {
+fn sizes(task: &MujocoTask, set: &[Demonstration], replayed: bool) -> Vec<Finding> {
     let specification = task.specification();
     let sizes = [
-        ("an observation", set.observation_size(), specification.observation_size, "`observation`"),
-        ("an action", set.action_size(), specification.action_size, "the model's actuators"),
+        ("an observation", observation_size(set), specification.observation_size, "`observation`"),
+        ("an action", action_size(set), specification.action_size, "the model's actuators"),
     ];
     let wrong = sizes.into_iter().filter(|(_, found, wanted, _)| found != wanted);
     if wrong.clone().next().is_none() {
         return vec![Finding::fine(format!(
             "{} with {} observed numbers and {} actions fit the task",
             several(set.len(), "demonstration"),
-            set.observation_size(),
-            set.action_size()
+            observation_size(set),
+            action_size(set)
         ))];
     }
     wrong
@@ -157,13 +187,13 @@ fn widths(task: &MujocoTask) -> String {
     widths.iter().map(|(key, width)| format!("{key} {width}")).collect::<Vec<_>>().join(", ")
 }
 
-fn actions(set: &DemonstrationSet, recorded: &Recorded) -> Finding {
+fn actions(set: &[Demonstration], recorded: &Recorded) -> Finding {
     let sum = |of: fn(&Compared) -> usize| recorded.demonstrations.iter().map(of).sum::<usize>();
     let outside = sum(|one| one.outside);
     if outside == 0 {
         return Finding::fine("all actions are within [-1, 1]");
     }
-    let numbers = sum(|one| one.steps) * set.action_size();
+    let numbers = sum(|one| one.steps) * action_size(set);
     let largest = recorded.demonstrations.iter().map(|one| one.largest_action).fold(0.0, f64::max);
     let share = outside as f64 / numbers as f64 * 100.0;
     let message = format!("{share:.1} % of the numbers of actions are outside [-1, 1], up to {largest:.2}");
@@ -203,8 +233,8 @@ struct Made {
 /// The states out of observations that hold every velocity, and every position but those of slides.
 ///
 /// Where a slide stands hardly ever matters to the physics: a runner runs everywhere alike. Unknown ones stand at 0.
-fn states_in_observations(task: &MujocoTask, set: &DemonstrationSet) -> Option<Made> {
-    if set.observation_size() != task.specification().observation_size {
+fn states_in_observations(task: &MujocoTask, set: &[Demonstration]) -> Option<Made> {
+    if observation_size(set) != task.specification().observation_size {
         return None;
     }
     let model = task.model().mujoco();
@@ -231,7 +261,7 @@ fn states_in_observations(task: &MujocoTask, set: &DemonstrationSet) -> Option<M
             .flat_map(|row| columns.iter().map(|column| number(row, column)).collect::<Vec<_>>())
             .collect()
     };
-    let states = set.iter().map(|(_, demonstration)| {
+    let states = set.iter().map(|demonstration| {
         let rows = demonstration.observations();
         StateLog { qpos: pick(rows, &qpos), qvel: pick(rows, &qvel) }
     });
@@ -241,13 +271,13 @@ fn states_in_observations(task: &MujocoTask, set: &DemonstrationSet) -> Option<M
 /// Fills in what the states tell, as far as sizes allow.
 fn replay_all(
     task: &MujocoTask,
-    set: &DemonstrationSet,
+    set: &[Demonstration],
     (states, hidden): (&[StateLog], &[usize]),
     recorded: &mut Recorded,
 ) -> Result<Vec<Finding>> {
     let mut findings = Vec::new();
     let mut same_physics = false;
-    for ((id, demonstration), states) in set.iter().zip(states) {
+    for (id, (demonstration, states)) in set.iter().zip(states).enumerate() {
         replay::Replay::new(task, states, demonstration.steps())
             .map_err(|error| error.during(&format!("demonstration {id}")))?;
     }
@@ -255,7 +285,7 @@ fn replay_all(
         let episodes: Vec<columns::Episode<'_>> = set
             .iter()
             .zip(states)
-            .map(|((_, one), states)| columns::Episode { observations: one.observations(), states })
+            .map(|(one, states)| columns::Episode { observations: one.observations(), states })
             .collect();
         findings.extend(columns::compare(task, &episodes)?);
     } else {
@@ -264,13 +294,13 @@ fn replay_all(
             "the task observes every position{but} and velocity, so states are taken from the observations"
         )));
     }
-    if set.action_size() != task.specification().action_size {
+    if action_size(set) != task.specification().action_size {
         return Ok(findings);
     }
     let episodes: Vec<dynamics::Episode<'_>> = set
         .iter()
         .zip(states)
-        .map(|((_, one), states)| dynamics::Episode { actions: one.actions(), states, hidden })
+        .map(|(one, states)| dynamics::Episode { actions: one.actions(), states, hidden })
         .collect();
     let mut environment = task.mujoco_environment()?;
     for (episode, compared) in episodes.iter().zip(&mut recorded.demonstrations) {
@@ -284,6 +314,7 @@ fn replay_all(
             compared.succeeded = task.succeeded(&rows);
         }
     }
+    findings.extend(dynamics::not_recorded(&environment, &episodes));
     let misses = dynamics::misses(&mut environment, &episodes)?;
     recorded.demonstrations.iter_mut().zip(&misses).for_each(|(one, missed)| one.missed = *missed);
     if let Some(mut finding) = dynamics::judge(&mut environment, &episodes, &misses)? {

@@ -9,6 +9,7 @@ use demosift::{Error, Result, files};
 use super::folder;
 use crate::arguments::ExportArguments;
 use crate::commands::play::read_policy;
+use crate::interruption::undisturbed;
 use crate::{run_folder, task, terminal};
 
 pub(super) fn run(arguments: &ExportArguments) -> Result<()> {
@@ -36,7 +37,7 @@ pub(super) fn run(arguments: &ExportArguments) -> Result<()> {
     let written = written.collect::<Result<Vec<_>>>()?;
     let named = files_of("onnx");
     let contents: Vec<_> = named.iter().map(String::as_str).zip(written).collect();
-    files::write_folder(&out, &contents)?;
+    undisturbed(|| files::write_folder(&out, &contents))?;
     let policies = if names.len() == 1 { "policy" } else { "policies" };
     terminal::show(&format!("{} {policies}: {}\n", names.len(), out.display()));
     Ok(())
