@@ -142,11 +142,11 @@ impl RunFolder {
         identity: &Identity,
         configuration: &Table,
     ) -> Result<Self> {
-        if let Some(begun) = begun {
-            check_same(begun, identity, configuration).map_err(|error| error.at(&path))?;
-            remove_partial(&path)?;
-            interruption::run_is_in(&path);
-            return Ok(Self { path });
+        if begun.is_some() {
+            let folder = Self::look(path, begun, identity, configuration)?;
+            remove_partial(&folder.path)?;
+            interruption::run_is_in(&folder.path);
+            return Ok(folder);
         }
         fs::create_dir_all(&path).map_err(|error| Error::io("cannot make the run folder", &path, &error))?;
         let text = toml::to_string_pretty(configuration).expect("what was read from TOML is TOML");

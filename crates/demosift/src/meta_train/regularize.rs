@@ -6,7 +6,7 @@
 //! | 11: update Q with τ, τ'_ij and encoded v_i | [`mutual_information::fit`] in [`regularize`] |
 //! | 12: sample new trajectories using f_θ and f_θ'_i | [`play_quietly`] |
 //! | 13: compute R_MI_i with Q on the new trajectories as (5) | [`mutual_information::information_rewards`] in [`tell`] |
-//! | 14: θ''_i = θ'_i − α∇L_MI_i(f_θ'_i) with TRPO | [`inform`] |
+//! | 14: θ''_i = θ'_i − α∇L_MI_i(f_θ'_i) with TRPO | [`inform_all`] |
 //!
 //! The box writes ∇L_MI_i(f_θ'_i): the gradient at θ'_i on its own trajectories, which is what we take.
 //! Eq. 7 takes it on the old trajectories, at θ, and applies it to θ'_i, which [`Paid::Before`] does; reading 4 in
@@ -126,19 +126,7 @@ pub(super) fn regularize(
         .collect();
     let drawn: Vec<f32> = imitators.iter().map(encoding).collect();
     let explained = explained(&told, &drawn);
-    let mut kl = 0.0;
-    if explained > 0.0 {
-        let paid = held_out.paid(imitators, how.paid);
-        let steps: Vec<Step> = paid
-            .par_iter()
-            .zip(&told)
-            .map(|(paid, told)| inform(round, paid, &told.rewards, how))
-            .collect::<Result<_>>()?;
-        for (imitator, step) in imitators.iter_mut().zip(&steps) {
-            imitator.adapted.policy = imitator.adapted.policy.moved(&step.displacement);
-        }
-        kl = steps.iter().map(|step| step.kl).sum::<f64>() / steps.len() as f64;
-    }
+    let kl = if explained > 0.0 { inform_all(round, imitators, &held_out, &told, how)? } else { 0.0 };
     let environment_steps = train.steps() + held_out.steps();
     Ok(Report { log_q: mean_log_q(&told), explained, std: posterior.std(), kl, environment_steps })
 }
@@ -224,6 +212,26 @@ fn tell(posterior: &Posterior, before: &Sequences, after: &Sequences, encoding: 
         rewards: information_rewards(posterior, before, after, encoding),
         squared_error: mutual_information::mean_squared_error(posterior, before, after, encoding),
     }
+}
+
+/// Line 14 for all demonstrations; gives the mean KL divergence of the steps.
+fn inform_all(
+    round: &Round<'_>,
+    imitators: &mut [Imitator],
+    held_out: &Compared,
+    told: &[Told],
+    how: &MutualInformation,
+) -> Result<f64> {
+    let paid = held_out.paid(imitators, how.paid);
+    let steps: Vec<Step> = paid
+        .par_iter()
+        .zip(told)
+        .map(|(paid, told)| inform(round, paid, &told.rewards, how))
+        .collect::<Result<_>>()?;
+    for (imitator, step) in imitators.iter_mut().zip(&steps) {
+        imitator.adapted.policy = imitator.adapted.policy.moved(&step.displacement);
+    }
+    Ok(steps.iter().map(|step| step.kl).sum::<f64>() / steps.len() as f64)
 }
 
 /// Line 14 for one demonstration: −α∇L_MI with TRPO, on the trajectories that are paid.
