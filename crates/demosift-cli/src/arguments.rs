@@ -100,6 +100,9 @@ pub(crate) struct JobArguments {
     /// of the set]
     #[arg(long, value_name = "K|auto|weights")]
     pub(crate) keep: Option<Keep>,
+    /// Only this goal of a task that has several: the agent learns, is judged and imitates under it alone [default: all]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) variant: Option<String>,
     /// How the agent is prepared to imitate; all methods may spend the same environment steps [default: maml]
     #[arg(long, value_enum)]
     pub(crate) method: Option<MethodName>,
@@ -395,6 +398,7 @@ impl ReportArguments {
             demonstrations: self.data.clone(),
             source,
             keep: None,
+            variant: None,
             method: None,
             preset: None,
             run,

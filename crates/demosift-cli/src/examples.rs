@@ -18,6 +18,8 @@ Examples:
     demosift sift data/free_throw_8 --task free_throw --preset standard --dry-run
   Keep what surely helps, however many that are:
     demosift sift data/free_throw_8 --task free_throw --keep auto --out runs/throws
+  My task has several goals, and I want one of them:
+    demosift sift data/penalty_save_12 --task penalty_save --variant low_left --out runs/low_left
   It was interrupted; go on:
     demosift sift --out runs/throws --resume";
 

@@ -56,7 +56,7 @@ impl Job {
         check: impl FnOnce(&DemonstrationSet, &Config) -> Result<()>,
     ) -> Result<Self> {
         use_threads(arguments.run.threads)?;
-        let plan = Plan::of(&arguments.run, arguments.preset)?;
+        let plan = Plan::of(&arguments.run, arguments.variant.as_deref(), arguments.preset)?;
         plan.check_task()?;
         let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
         let demonstrations =
@@ -172,7 +172,11 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
-    pub(crate) fn of(arguments: &RunArguments, preset: Option<PresetName>) -> Result<Self> {
+    pub(crate) fn of(
+        arguments: &RunArguments,
+        variant: Option<&str>,
+        preset: Option<PresetName>,
+    ) -> Result<Self> {
         let out = match (&arguments.out, &arguments.task) {
             (Some(out), _) => out.clone(),
             (None, Some(task)) => default_folder(task),
@@ -184,9 +188,13 @@ impl Plan {
         };
         let begun = run_folder::look_into(&out, arguments.resume)?;
         let name = arguments.task.as_deref().or(begun.as_ref().map(|begun| begun.identity.task.as_str()));
-        let chosen = task::choose(name.ok_or_else(|| {
+        let mut chosen = task::choose(name.ok_or_else(|| {
             if arguments.resume { run_folder::nothing_to_resume(&out) } else { task::missing() }
         })?)?;
+        let begun_under = || begun.as_ref().and_then(|begun| begun.identity.variant.as_deref());
+        if let Some(variant) = variant.or_else(begun_under) {
+            chosen = chosen.under(variant)?;
+        }
         let mut values = match (&begun, preset) {
             (Some(begun), None) => begun.configuration.clone(),
             (_, preset) => {
@@ -225,6 +233,7 @@ impl Plan {
             demosift: env!("CARGO_PKG_VERSION").to_owned(),
             task: self.chosen.name.clone(),
             task_sha256: self.chosen.sha256.clone(),
+            variant: self.chosen.variant.clone(),
             data,
         };
         let open = if dry { RunFolder::look } else { RunFolder::open };

@@ -26,6 +26,9 @@ pub(crate) struct Identity {
     pub(crate) task: String,
     /// Hash of the files of a task that does not come with demosift.
     pub(crate) task_sha256: Option<String>,
+    /// The one variant of the task that the run is about; without it the run is about all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) variant: Option<String>,
     /// The demonstrations; a recording has none.
     pub(crate) data: Option<Data>,
 }
@@ -228,6 +231,7 @@ fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Resu
         _ => String::new(),
     };
     let text = |value: Option<String>| value.unwrap_or_else(|| "none".to_owned());
+    let variant = |identity: &Identity| identity.variant.clone().unwrap_or_else(|| "all of them".to_owned());
     let pairs = [
         ("the version of demosift", old.demosift.clone(), identity.demosift.clone()),
         ("the task", old.task.clone(), identity.task.clone()),
@@ -236,6 +240,7 @@ fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Resu
             text(old.task_sha256.clone()),
             text(identity.task_sha256.clone()),
         ),
+        ("the variant", variant(old), variant(identity)),
         // Before the hash, which may depend on them.
         ("the columns of the demonstrations", columns(old), columns(identity)),
         ("the SHA-256 of the demonstrations", text(sha256(old)), text(sha256(identity))),

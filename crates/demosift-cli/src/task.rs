@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use demosift::environment::Task;
+use demosift::environment::{OneVariant, Task};
 use demosift::point_mass::PointMass;
 use demosift::{Error, Result, files};
 use demosift_mujoco::mujoco_task::MujocoTask;
@@ -34,6 +34,8 @@ pub(crate) struct Chosen {
     pub(crate) name: String,
     /// Hash of the files of a user's own task.
     pub(crate) sha256: Option<String>,
+    /// Its one variant that is meant; without it all are.
+    pub(crate) variant: Option<String>,
     /// The task's own configuration values.
     pub(crate) values: Layer,
 }
@@ -58,6 +60,7 @@ pub(crate) fn choose(name_or_path: &str) -> Result<Chosen> {
         mujoco,
         name: name_or_path.to_owned(),
         sha256: None,
+        variant: None,
         values,
     })
 }
@@ -85,7 +88,22 @@ fn users_own(path: &Path) -> Result<Chosen> {
     };
     let mujoco = Some(task);
     let sha256 = Some(hash_of(folder, &absolute)?);
-    Ok(Chosen { task: playable(mujoco.as_ref()), mujoco, name: name.to_owned(), sha256, values })
+    Ok(Chosen {
+        task: playable(mujoco.as_ref()),
+        mujoco,
+        name: name.to_owned(),
+        sha256,
+        variant: None,
+        values,
+    })
+}
+
+impl Chosen {
+    /// The same task, but only the goal of this name.
+    pub(crate) fn under(self, variant: &str) -> Result<Self> {
+        let task = Box::new(OneVariant::new(self.task, variant)?);
+        Ok(Self { task, variant: Some(variant.to_owned()), ..self })
+    }
 }
 
 /// Hash of the task file, of all that lies beside it, and of what its model includes from other folders.

@@ -377,7 +377,11 @@ fn policies_that_are_none() {
         &["4 observations to 2 actions", "'half_cheetah' has 17 and 6", "policy.safetensors"],
     );
     refuses(&scratch, &format!("{play} policy.safetensors --episodes 0"), &["--episodes 0", "at least 1"]);
-    refuses(&scratch, &format!("{play} policy.safetensors --variant left"), &["--variant left", "has: east"]);
+    refuses(
+        &scratch,
+        &format!("{play} policy.safetensors --variant left"),
+        &["no variant is called 'left'", "has: east"],
+    );
     refuses(
         &scratch,
         "play --task tennis --policy policy.safetensors",

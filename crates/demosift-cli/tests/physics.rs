@@ -124,6 +124,8 @@ fn penalties_are_judged_under_every_shot() {
     let table = said.split("marked with *:").nth(1).unwrap();
     assert_eq!(table.matches('*').count(), 5, "one best demonstration a shot: {said}");
 
+    assert!(said.contains("give it to a run of its own as --variant"), "{said}");
+
     let again = scratch.succeed(&format!("judge {} {tiny} --json --resume --out run", set.display()));
     let again: serde_json::Value = serde_json::from_str(&again).unwrap();
     let provenance = std::fs::read(in_repository("data/provenance/penalty_save_12.json")).unwrap();
@@ -136,6 +138,36 @@ fn penalties_are_judged_under_every_shot() {
     for (own, origin) in own.iter().zip(stored) {
         assert!((own.as_f64().unwrap() - origin["score"].as_f64().unwrap()).abs() < 1e-6, "{own} {origin}");
     }
+}
+
+/// A run about one of several goals says so wherever it is gone on with, looked at or handed on.
+#[test]
+fn a_set_is_sifted_for_one_of_the_goals() {
+    let scratch = Scratch::new("one-goal");
+    let set = in_repository("data/penalty_save_12");
+    let tiny = "--task penalty_save --config tiny.toml --set meta_train.rounds=1 --set judge.iterations=1 \
+                --set judge.averaged=1 --set inner.batch_steps=120 --set imitate.environment_steps=240";
+    let sift = format!("sift {} {tiny} --out run", set.display());
+    let said = scratch.succeed(&format!("{sift} --variant high_left"));
+    assert!(!said.contains("under each variant"), "{said}");
+    let scores = String::from_utf8(scratch.files("run")["scores.json"].clone()).unwrap();
+    assert!(!scores.contains("\"variant\": 1"), "{scores}");
+
+    scratch.succeed("select --out run --resume");
+    scratch.succeed("report run");
+    let page = String::from_utf8(scratch.files("run")["report.html"].clone()).unwrap();
+    assert!(page.contains("\"variant\":\"high_left\"") && page.contains("\"variants\":[\"high_left\"]"));
+    assert!(scratch.succeed("export run --as csv").contains("task penalty_save, variant high_left, seed"));
+    assert!(scratch.succeed("export run --as json").contains("\"variant\": \"high_left\""));
+
+    let refused = |variant: &str| {
+        let out = scratch.run(&format!("{sift} --resume --variant {variant}"));
+        assert_eq!(out.status.code(), Some(2));
+        String::from_utf8(out.stderr).unwrap()
+    };
+    let (refused, unknown) = (refused("over"), refused("up"));
+    assert!(refused.contains("the variant was high_left there, and is over now"), "{refused}");
+    assert!(unknown.contains("'up'") && unknown.contains("has: low_left, low_right, high_left"), "{unknown}");
 }
 
 #[test]

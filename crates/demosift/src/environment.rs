@@ -1,5 +1,9 @@
 //! The world in which an agent acts: tasks, their variants, and running instances of them.
 
+mod one_variant;
+
+pub use one_variant::OneVariant;
+
 use crate::error::{Error, Result};
 use crate::heuristic::Heuristic;
 use crate::rows::Rows;
@@ -41,6 +45,17 @@ impl Specification {
     /// All variants, in order.
     pub fn variant_ids(&self) -> Vec<EnvVariant> {
         (0..self.variants.len()).map(EnvVariant).collect()
+    }
+
+    /// The variant called `name`; the error lists the names there are.
+    pub fn variant(&self, name: &str) -> Result<EnvVariant> {
+        self.variants.iter().position(|known| known == name).map(EnvVariant).ok_or_else(|| {
+            Error::bad_input(format!(
+                "no variant is called '{name}'; the task '{}' has: {}",
+                self.name,
+                self.variants.join(", ")
+            ))
+        })
     }
 
     /// The column of the measurement `name`; the error lists the names there are.

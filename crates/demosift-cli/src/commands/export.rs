@@ -139,6 +139,7 @@ fn as_json(kept: &Kept) -> Result<Value> {
         "demosift": kept.identity.demosift,
         "task": kept.identity.task,
         "task_sha256": kept.identity.task_sha256,
+        "variant": kept.identity.variant,
         "data": kept.data,
         "seed": configuration.values.get("seed"),
         "configuration": configuration.values,
@@ -191,9 +192,10 @@ fn as_csv(kept: &Kept) -> Result<String> {
     ];
     let all = as_json(kept)?;
     let mut text = format!(
-        "# demosift {}, task {}, seed {}, data sha256 {}\n{}\n",
+        "# demosift {}, task {}{}, seed {}, data sha256 {}\n{}\n",
         kept.identity.demosift,
         kept.identity.task,
+        kept.identity.variant.as_ref().map_or(String::new(), |variant| format!(", variant {variant}")),
         all["seed"],
         kept.data.sha256,
         COLUMNS.join(",")

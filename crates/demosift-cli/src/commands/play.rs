@@ -67,7 +67,10 @@ pub(crate) fn run(arguments: &PlayArguments) -> Result<()> {
 fn play(chosen: &Chosen, path: &Path, arguments: &PlayArguments) -> Result<Vec<Episode>> {
     let playground = Playground::new(chosen.task.as_ref());
     let policy = read_policy(path, playground.specification())?;
-    let variant = variant(arguments.variant.as_deref(), playground.specification())?;
+    let variant = match &arguments.variant {
+        Some(name) => playground.specification().variant(name)?,
+        None => EnvVariant(0),
+    };
     if arguments.episodes == 0 {
         return Err(Error::bad_config("--episodes 0: must be at least 1"));
     }
@@ -106,17 +109,6 @@ pub(crate) fn read_policy(path: &Path, specification: &Specification) -> Result<
         .at(path));
     }
     Ok(policy)
-}
-
-fn variant(name: Option<&str>, specification: &Specification) -> Result<EnvVariant> {
-    let Some(name) = name else { return Ok(EnvVariant(0)) };
-    specification.variants.iter().position(|known| known == name).map(EnvVariant).ok_or_else(|| {
-        Error::bad_input(format!(
-            "--variant {name}: the task '{}' has: {}",
-            specification.name,
-            specification.variants.join(", ")
-        ))
-    })
 }
 
 /// Demonstrations as they were recorded, in the order in which they are named.

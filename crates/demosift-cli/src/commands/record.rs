@@ -84,7 +84,7 @@ struct Demonstrator {
 pub(crate) fn run(arguments: &RecordArguments) -> Result<()> {
     job::use_threads(arguments.run.threads)?;
     let given = arguments.demonstrator.as_deref().map(Source::of).transpose()?;
-    let plan = Plan::of(&with_task(arguments, given.as_ref()), None)?;
+    let plan = Plan::of(&with_task(arguments, given.as_ref()), None, None)?;
     let values = values(arguments, given, &plan)?;
     let recording: Recording = configuration::typed(values.clone())?;
     check(&recording, &plan)?;

@@ -70,6 +70,7 @@ fn write_found(job: &mut Job, found: &Found) -> Result<PathBuf> {
         demosift: env!("CARGO_PKG_VERSION"),
         set: page::name_of_set(job.set_path()),
         sha256: job.data().sha256.clone(),
+        variant: job.chosen().variant.as_deref(),
         configuration: run_folder::resolved(job.folder().path())?,
         unusable: found.unusable.as_deref(),
     };

@@ -27,6 +27,8 @@ pub(crate) struct Made<'a> {
     /// The set's name.
     pub(crate) set: String,
     pub(crate) sha256: String,
+    /// The one goal that the run is about, where the task has several.
+    pub(crate) variant: Option<&'a str>,
     /// As TOML.
     pub(crate) configuration: String,
     pub(crate) unusable: Option<&'a str>,

@@ -38,7 +38,7 @@ function heading() {
   const best = report.entries[0];
   into("top",
     el("h1", {}, `Which of these ${number} demonstrations teach the agent?`),
-    el("p", { class: "soft" }, `Task ${report.task}, set ${made.set}. Each demonstration was imitated, and the agent that came of it was scored by the task's own heuristic; higher is better.`),
+    el("p", { class: "soft" }, `Task ${report.task}${made.variant ? ` under ${made.variant}` : ""}, set ${made.set}. Each demonstration was imitated, and the agent that came of it was scored by the task's own heuristic; higher is better.`),
     el("div", { class: "facts" },
       report.has_subset
         ? fact(`Keep ${keptDemos.length} of ${number}`, `Demonstration${keptDemos.length === 1 ? "" : "s"} ${listed(keptDemos)} (asked for: ${report.keep}).`)
@@ -224,7 +224,7 @@ function costs() {
 function configuration() {
   into("configuration",
     el("h2", {}, "How it was made"),
-    el("p", { class: "small" }, `demosift ${made.demosift}, method ${report.method}, task ${report.task}: episodes of at most ${report.horizon} control steps of ${significant(report.control_step_secs)} s. Set ${made.set}, SHA-256 ${made.sha256.slice(0, 16)}….`),
+    el("p", { class: "small" }, `demosift ${made.demosift}, method ${report.method}, task ${report.task}${made.variant ? ` under ${made.variant}` : ""}: episodes of at most ${report.horizon} control steps of ${significant(report.control_step_secs)} s. Set ${made.set}, SHA-256 ${made.sha256.slice(0, 16)}….`),
     el("details", {}, el("summary", {}, "Configuration"), el("pre", {}, made.configuration)));
   into("foot", el("p", {}, "This page is one file and needs no network. The numbers are also in the JSON files of the run folder."),
     replay.episodes.length ? el("details", {}, el("summary", {}, "The replay is drawn by three.js, under its license"), el("pre", {}, document.getElementById("license").textContent)) : null);

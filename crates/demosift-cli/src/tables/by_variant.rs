@@ -4,7 +4,7 @@ use demosift::environment::EnvVariant;
 use demosift::judge::ScoreTable;
 use demosift::select;
 
-use super::{Scale, table};
+use super::{Scale, table, wrapped};
 
 /// What imitating each demonstration gained under each variant, the best of a variant marked (Eq. 9); nothing where there is
 /// a single goal, since the ranking says it all.
@@ -35,7 +35,10 @@ pub(crate) fn gains(scores: &ScoreTable, variants: &[String], unit: &str) -> Str
         })
         .collect();
     let what = scale.title("gain");
-    format!("\nThe {what} under each variant, the best marked with *:\n\n{}", table(&header, &rows))
+    let rows = table(&header, &rows);
+    let advice =
+        "The ranking is by the mean. To choose for one of them, give it to a run of its own as --variant.";
+    format!("\nThe {what} under each variant, the best marked with *:\n\n{rows}\n{}\n", wrapped(advice))
 }
 
 #[cfg(test)]
