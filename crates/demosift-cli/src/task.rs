@@ -140,13 +140,31 @@ fn unknown(name: &str) -> Error {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
+    use demosift::experiment::Config;
+    use demosift::preset::Preset;
+
     use super::*;
+    use crate::configuration;
 
     const TASK: &str = "name = 'cart'\nmodel = 'cart.xml'\nframe_skip = 1\nhorizon = 2\nobservation = ['phase']\n\
         measurements = { x = { qpos = 'slider' } }\nheuristic = { fold = 'max', of = 'x' }\n";
     const CART: &str = "<mujocoinclude><worldbody><body name='cart'><joint name='slider' type='slide'/>\
         <geom name='box' size='0.1'/></body></worldbody>\
         <actuator><motor name='push' joint='slider' ctrlrange='-1 1'/></actuator></mujocoinclude>";
+
+    #[test]
+    fn appendix_a_2_1_the_preset_of_the_paper_has_its_schedule_of_alpha() {
+        for (name, wanted) in [
+            ("free_throw", [1.0, 0.5]),
+            ("penalty_save", [1.0, 0.5]),
+            ("handstand", [2.0, 0.5]),
+            ("martial_arts", [2.0, 0.5]),
+        ] {
+            let values = configuration::preset(Preset::Paper, choose(name).unwrap().values).unwrap();
+            let config: Config = configuration::typed(configuration::of_job(values)).unwrap();
+            assert_eq!(config.inner.alphas, wanted, "{name}");
+        }
+    }
 
     #[test]
     fn the_hash_counts_what_a_model_includes_from_another_folder() {
