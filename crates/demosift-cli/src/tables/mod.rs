@@ -9,7 +9,7 @@ pub(crate) mod weights;
 use demosift::demonstration::{DemoId, DemonstrationSet};
 use demosift::heuristic::Score;
 use demosift::imitate::LearningCurve;
-use demosift::metrics::{self, Gain, Verdict};
+use demosift::metrics::{self, Decline, Gain, Verdict};
 
 /// Columns that fit their widest cell; words to the left, numbers to the right.
 pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
@@ -74,7 +74,7 @@ impl<'a> Scale<'a> {
     }
 }
 
-/// The policies that came of imitating from scratch, one a row.
+/// The policies that came of imitating from scratch, one a row; below, which imitations lost what they had learned.
 pub(crate) fn policies(curves: &[(String, &LearningCurve)], unit: &str) -> String {
     let scale = Scale::of(curves.iter().map(|(_, curve)| curve.outcome.score), unit);
     let title = scale.title("heuristic");
@@ -96,7 +96,23 @@ pub(crate) fn policies(curves: &[(String, &LearningCurve)], unit: &str) -> Strin
             row
         })
         .collect();
-    table(&header, &rows)
+    let declines = curves
+        .iter()
+        .filter_map(|(name, curve)| metrics::decline(curve).map(|decline| declined(name, decline, scale)));
+    std::iter::once(table(&header, &rows)).chain(declines).collect()
+}
+
+fn declined(name: &str, Decline { best, last }: Decline, scale: Scale<'_>) -> String {
+    let said = format!(
+        "The policy from {name} was best after {} updates ({}), is kept as it was then, and had lost most of that by \
+         update {} ({}). Where the discriminator's accuracy in metrics.jsonl is 1 by then, let it learn more slowly: \
+         --set imitate.update.discriminator.learning_rate=... and steps.",
+        best.updates,
+        scale.with_unit(best.score),
+        last.updates,
+        scale.with_unit(last.score)
+    );
+    format!("\n{}\n", wrapped(&said))
 }
 
 /// What the column of the kept says of a demonstration.
@@ -226,6 +242,8 @@ pub(crate) fn list(demos: &[DemoId]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use demosift::imitate::CurvePoint;
+
     use super::*;
 
     #[test]
@@ -233,6 +251,31 @@ mod tests {
         let rows = [["1", "kept", "-0.5"], ["10", "-", "+12.25"]].map(|row| row.map(str::to_owned).to_vec());
         let wanted = "  rank   kept     gain\n     1   kept     -0.5\n    10   -      +12.25\n";
         assert_eq!(table(&["rank", "kept", "gain"], &rows), wanted);
+    }
+
+    #[test]
+    fn an_imitation_that_lost_what_it_had_learned_is_told() {
+        let point = |updates: usize, score: f64| CurvePoint {
+            updates,
+            environment_steps: 2000 * updates,
+            score,
+            standard_error: 0.01,
+            success: None,
+        };
+        let curve = |last: f64| LearningCurve {
+            demos: vec![DemoId(7)],
+            points: vec![point(0, -1.77), point(60, -0.7), point(120, last)],
+            outcome: point(60, -0.72),
+            best: demosift::policy::Policy::untrained(
+                &demosift::policy::PolicyShape { hidden: vec![1], initial_std: 1.0 },
+                demosift::observation_filter::ObservationFilter::identity(1),
+                1,
+                demosift::seed::Seed::new(1),
+            ),
+        };
+        let said = policies(&[("all 8".to_owned(), &curve(-1.25)), ("4".to_owned(), &curve(-0.8))], "m");
+        assert!(said.contains("\nThe policy from all 8 was best after 60 updates (-0.700 m)"), "{said}");
+        assert!(said.contains("by update 120 (-1.250 m)") && !said.contains("from 4 was"), "{said}");
     }
 
     #[test]

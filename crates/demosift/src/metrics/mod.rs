@@ -1,9 +1,11 @@
 //! What a judgment and the policies that came of it are worth (§5.2).
 
 mod agreement;
+mod decline;
 mod gain;
 
 pub use agreement::{hit_rate, kendall, spearman};
+pub use decline::{Decline, decline};
 pub use gain::{AgainstRandom, Gain, Verdict, against_random, gain, gain_of_trainings, share_of_best};
 
 /// The mean of some values; NaN if there are none.
