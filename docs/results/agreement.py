@@ -12,6 +12,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from method import hit_rate, spearman
+
 ROOT = Path(__file__).resolve().parents[2]
 KEPT = Path(__file__).with_suffix(".json")
 # Set, task, and what else the run says; a set of several goals is judged for one of them.
@@ -24,22 +26,6 @@ SETS = {
 }
 METHODS = ["maml", "maml-mi"]
 SEEDS = [0, 1, 2]
-
-
-def ranks(values):
-    return [sum(w < v for w in values) + (sum(w == v for w in values) + 1) / 2 for v in values]
-
-
-def spearman(left, right):
-    return statistics.correlation(ranks(left), ranks(right))
-
-
-def top(values, k):
-    return set(sorted(range(len(values)), key=lambda demo: (-values[demo], demo))[:k])
-
-
-def hit_rate(found, truth, k):
-    return len(top(found, k) & top(truth, k)) / k
 
 
 def judge(binary, runs, name, method, seed):
@@ -78,12 +64,15 @@ def spread(values):
 
 
 def show():
-    kept = json.loads(KEPT.read_text())
+    kept = json.loads(KEPT.read_text()) if KEPT.exists() else {}
     print("| set | method | Spearman | hit rate at 2 | at half | ABD | seeds |")
     print("|---|---|---|---|---|---|---|")
     for name in SETS:
         oracle = ROOT / "data" / "oracle" / f"{name}.json"
-        if name not in kept or not oracle.exists():
+        if name not in kept:
+            continue
+        if not oracle.exists():
+            print(f"{oracle} is missing: `demosift oracle` makes it", file=sys.stderr)
             continue
         truth = [alone["mean"] for alone in json.loads(oracle.read_text())["alone"]]
         rows = [(method, list(kept[name].get(method, {}).values())) for method in METHODS]
@@ -96,12 +85,15 @@ def show():
             cells += [[run["abd"] for run in runs]]
             print(f"| `{name}` | {method} | {' | '.join(map(spread, cells))} | {len(runs)} |")
         own = next((runs[0]["own"] for _, runs in rows if runs), None)
-        if own:
+        # Of a task with several goals it is that under the goal for which a demonstration was recorded.
+        if own and not SETS[name][2]:
             cells = [spearman(own, truth), hit_rate(own, truth, 2), hit_rate(own, truth, len(truth) // 2)]
             print(f"| | the recording's own heuristic | {' | '.join(f'{cell:.2f}' for cell in cells)} | - | - |")
 
 
 if __name__ == "__main__":
+    if len(sys.argv) == 2:
+        sys.exit(__doc__)
     if len(sys.argv) > 2:
         measured(sys.argv[1], Path(sys.argv[2]), sys.argv[3:] or list(SETS))
     show()

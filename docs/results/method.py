@@ -174,4 +174,5 @@ def main():
     (ROOT / "docs/results/method.json").write_text(json.dumps(found, indent=1) + "\n")
 
 
-main()
+if __name__ == "__main__":
+    main()

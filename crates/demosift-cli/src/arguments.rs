@@ -100,7 +100,8 @@ pub(crate) struct JobArguments {
     /// of the set]
     #[arg(long, value_name = "K|auto|weights")]
     pub(crate) keep: Option<Keep>,
-    /// Only this goal of a task that has several: the agent learns, is judged and imitates under it alone [default: all]
+    /// Only this goal of a task that has several (`demosift task check` lists them): the agent learns, is judged and imitates
+    /// under it alone [default: all]
     #[arg(long, value_name = "NAME")]
     pub(crate) variant: Option<String>,
     /// How the agent is prepared to imitate; all methods may spend the same environment steps [default: maml]
@@ -147,7 +148,7 @@ pub(crate) struct RunArguments {
     /// One value that differs, such as judge.iterations=3 or inner.imitation=behavioral_cloning; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     pub(crate) set: Vec<String>,
-    /// The run folder [default: runs/<task>]
+    /// The run folder [default: runs/<task>, or runs/<task>_<variant>]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// Go on with a run folder that exists
@@ -222,7 +223,7 @@ pub(crate) struct PlayArguments {
     /// How many episodes the policy plays
     #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "data")]
     pub(crate) episodes: usize,
-    /// Which variant of the task the policy plays [default: the first]
+    /// Which variant of the task the policy plays [default: that of its run, if this was about one; else the first]
     #[arg(long, value_name = "NAME", conflicts_with = "data")]
     pub(crate) variant: Option<String>,
     /// The root of the random numbers of the policy's episodes

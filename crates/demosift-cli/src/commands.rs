@@ -50,7 +50,8 @@ pub(crate) fn run(command: Command) -> Result<()> {
     }
 }
 
-/// Where everything is kept, as the last line of a result.
-fn kept_in(folder: &RunFolder) -> String {
-    format!("\nRun folder: {}\n", folder.path().display())
+/// Where everything is kept, and which goal it is about where that is one of several; the last line of a result.
+fn kept_in(folder: &RunFolder, variant: Option<&str>) -> String {
+    let about = variant.map_or(String::new(), |variant| format!(", about {variant} alone"));
+    format!("\nRun folder: {}{about}\n", folder.path().display())
 }

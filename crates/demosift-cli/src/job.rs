@@ -57,7 +57,6 @@ impl Job {
     ) -> Result<Self> {
         use_threads(arguments.run.threads)?;
         let plan = Plan::of(&arguments.run, arguments.variant.as_deref(), arguments.preset)?;
-        plan.check_task()?;
         let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
         let demonstrations =
             demonstrations::open(arguments.demonstrations.as_deref(), &arguments.source, recorded)?;
@@ -108,6 +107,11 @@ impl Job {
 
     pub(crate) fn set(&self) -> &DemonstrationSet {
         &self.set
+    }
+
+    /// The one goal that the run is about, where the task has several.
+    pub(crate) fn variant(&self) -> Option<&str> {
+        self.chosen.variant.as_deref()
     }
 
     pub(crate) fn variants(&self) -> &[String] {
@@ -179,7 +183,7 @@ impl Plan {
     ) -> Result<Self> {
         let out = match (&arguments.out, &arguments.task) {
             (Some(out), _) => out.clone(),
-            (None, Some(task)) => default_folder(task),
+            (None, Some(task)) => default_folder(task, variant),
             (None, None) if arguments.resume => {
                 return Err(Error::bad_input("which run is to go on?")
                     .with_hint("add --out DIR, the folder of the run"));
@@ -191,6 +195,9 @@ impl Plan {
         let mut chosen = task::choose(name.ok_or_else(|| {
             if arguments.resume { run_folder::nothing_to_resume(&out) } else { task::missing() }
         })?)?;
+        if let Some(begun) = &begun {
+            check_task(&begun.identity, &chosen).map_err(|error| error.at(&out))?;
+        }
         let begun_under = || begun.as_ref().and_then(|begun| begun.identity.variant.as_deref());
         if let Some(variant) = variant.or_else(begun_under) {
             chosen = chosen.under(variant)?;
@@ -205,17 +212,6 @@ impl Plan {
             configuration::apply(&mut values, &layer)?;
         }
         Ok(Self { chosen, values, begun, out })
-    }
-
-    /// Whether the run that is there is about the same task; said before its demonstrations are found not to fit.
-    fn check_task(&self) -> Result<()> {
-        match &self.begun {
-            Some(begun) if begun.identity.task != self.chosen.name => {
-                Err(run_folder::of_another_run("the task", &begun.identity.task, &self.chosen.name)
-                    .at(&self.out))
-            }
-            _ => Ok(()),
-        }
     }
 
     /// Whether the run has learned its prior already.
@@ -255,8 +251,25 @@ fn layers(arguments: &RunArguments) -> Result<Vec<Layer>> {
     Ok(layers)
 }
 
-pub(crate) fn default_folder(task: &str) -> PathBuf {
-    let name = Path::new(task).file_name().unwrap_or(task.as_ref());
+/// Whether the run that is there is about the same task; said before its demonstrations are found not to fit.
+fn check_task(begun: &Identity, chosen: &Chosen) -> Result<()> {
+    let hash = |sha256: &Option<String>| sha256.clone().unwrap_or_else(|| "none".to_owned());
+    let pairs = [
+        ("the task", begun.task.clone(), chosen.name.clone()),
+        ("the SHA-256 of the task's files", hash(&begun.task_sha256), hash(&chosen.sha256)),
+    ];
+    match pairs.into_iter().find(|(_, old, new)| old != new) {
+        Some((what, old, new)) => Err(run_folder::of_another_run(what, &old, &new)),
+        None => Ok(()),
+    }
+}
+
+/// `runs/TASK`, or `runs/TASK_VARIANT` for a run about one goal.
+pub(crate) fn default_folder(task: &str, variant: Option<&str>) -> PathBuf {
+    let mut name = Path::new(task).file_name().unwrap_or(task.as_ref()).to_owned();
+    if let Some(variant) = variant {
+        name.push(format!("_{variant}"));
+    }
     Path::new("runs").join(name)
 }
 

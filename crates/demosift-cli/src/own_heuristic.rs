@@ -31,7 +31,7 @@ pub(crate) fn beside(
     let unusable = match task.map(|task| scores(task, set, states)) {
         None | Some(Ok(None)) => None,
         Some(Ok(Some(scores))) => {
-            let meaning = "the task's heuristic of the recorded demonstration itself".to_owned();
+            let meaning = "the task's heuristic of the recorded demonstration itself, under the goal that it was recorded for".to_owned();
             data_only.columns.push(Column { name: "heuristic".to_owned(), meaning, scores });
             None
         }

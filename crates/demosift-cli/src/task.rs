@@ -99,8 +99,19 @@ fn users_own(path: &Path) -> Result<Chosen> {
 }
 
 impl Chosen {
-    /// The same task, but only the goal of this name.
+    /// The same task, but only the goal of this name; a task of a single goal is that already.
     pub(crate) fn under(self, variant: &str) -> Result<Self> {
+        let variants = &self.task.specification().variants;
+        if variants.len() == 1 {
+            return match variants[0] == variant {
+                true => Ok(self),
+                false => Err(Error::bad_input(format!(
+                    "there is no variant '{variant}', as the task '{}' has a single goal",
+                    self.name
+                ))
+                .with_hint("leave --variant away")),
+            };
+        }
         let task = Box::new(OneVariant::new(self.task, variant)?);
         Ok(Self { task, variant: Some(variant.to_owned()), ..self })
     }

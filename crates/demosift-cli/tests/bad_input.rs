@@ -384,6 +384,11 @@ fn policies_that_are_none() {
     );
     refuses(
         &scratch,
+        "sift set.hdf5 --task point_mass --variant left",
+        &["there is no variant 'left'", "'point_mass' has a single goal", "leave --variant away"],
+    );
+    refuses(
+        &scratch,
         "play --task tennis --policy policy.safetensors",
         &["'tennis'", "point_mass, free_throw"],
     );

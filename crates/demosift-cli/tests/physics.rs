@@ -124,7 +124,7 @@ fn penalties_are_judged_under_every_shot() {
     let table = said.split("marked with *:").nth(1).unwrap();
     assert_eq!(table.matches('*').count(), 5, "one best demonstration a shot: {said}");
 
-    assert!(said.contains("give it to a run of its own as --variant"), "{said}");
+    assert!(said.contains("run of its own: --variant"), "{said}");
 
     let again = scratch.succeed(&format!("judge {} {tiny} --json --resume --out run", set.display()));
     let again: serde_json::Value = serde_json::from_str(&again).unwrap();
@@ -160,12 +160,19 @@ fn a_set_is_sifted_for_one_of_the_goals() {
     assert!(scratch.succeed("export run --as csv").contains("task penalty_save, variant high_left, seed"));
     assert!(scratch.succeed("export run --as json").contains("\"variant\": \"high_left\""));
 
+    let play = "play --task penalty_save --policy run/policy_subset.safetensors --json";
+    assert_eq!(scratch.succeed(play), scratch.succeed(&format!("{play} --variant high_left")));
+    assert_ne!(scratch.succeed(play), scratch.succeed(&format!("{play} --variant low_left")));
+
     let refused = |variant: &str| {
         let out = scratch.run(&format!("{sift} --resume --variant {variant}"));
         assert_eq!(out.status.code(), Some(2));
         String::from_utf8(out.stderr).unwrap()
     };
     let (refused, unknown) = (refused("over"), refused("up"));
+    let elsewhere = scratch.run("select --task handstand --out run --resume");
+    let elsewhere = String::from_utf8(elsewhere.stderr).unwrap();
+    assert!(elsewhere.contains("the task was penalty_save there, and is handstand now"), "{elsewhere}");
     assert!(refused.contains("the variant was high_left there, and is over now"), "{refused}");
     assert!(unknown.contains("'up'") && unknown.contains("has: low_left, low_right, high_left"), "{unknown}");
 }

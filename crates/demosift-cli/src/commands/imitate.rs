@@ -40,12 +40,13 @@ fn compare(job: &mut Job, json: bool) -> Result<()> {
             "from_all": from_all.outcome,
             "gain": metrics::gain(&from_subset.outcome, &from_all.outcome),
             "unit": job.unit(),
+            "variant": job.variant(),
             "run_folder": job.folder().path(),
         }));
         return Ok(());
     }
     terminal::show(&tables::comparison(job.set(), &from_subset, &from_all, job.unit()));
-    terminal::show(&kept_in(job.folder()));
+    terminal::show(&kept_in(job.folder(), job.variant()));
     Ok(())
 }
 
@@ -56,6 +57,7 @@ fn imitate_named(job: &mut Job, demos: &[DemoId], json: bool) -> Result<()> {
             "demonstrations": demos,
             "outcome": curve.outcome,
             "unit": job.unit(),
+            "variant": job.variant(),
             "run_folder": job.folder().path(),
         }));
         return Ok(());
@@ -64,7 +66,7 @@ fn imitate_named(job: &mut Job, demos: &[DemoId], json: bool) -> Result<()> {
         &[(format!("demonstrations {}", tables::list(demos)), &curve)],
         job.unit(),
     ));
-    terminal::show(&kept_in(job.folder()));
+    terminal::show(&kept_in(job.folder(), job.variant()));
     Ok(())
 }
 

@@ -35,6 +35,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
             "data_only": judgment::data_only_json(&ranking, &beside.data_only),
             "costs": costs::as_json(&costs),
             "unit": job.unit(),
+            "variant": job.variant(),
             "run_folder": job.folder().path(),
         }));
         return Ok(());
@@ -46,6 +47,6 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     terminal::show(&judgment::distance(&scores));
     terminal::show(&judgment::beside(&ranking, &beside));
     terminal::show(&costs::played(&costs));
-    terminal::show(&kept_in(job.folder()));
+    terminal::show(&kept_in(job.folder(), job.variant()));
     Ok(())
 }

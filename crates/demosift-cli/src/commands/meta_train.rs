@@ -20,11 +20,15 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     job.run(experiment::prior)?;
     let costs = job.costs()?;
     if arguments.run.json {
-        terminal::show_json(&json!({ "costs": costs::as_json(&costs), "run_folder": job.folder().path() }));
+        terminal::show_json(&json!({
+            "costs": costs::as_json(&costs),
+            "variant": job.variant(),
+            "run_folder": job.folder().path(),
+        }));
     } else {
         terminal::show(&format!("{}\n", what_came_of_it(job.method())));
         terminal::show(&costs::played(&costs));
-        terminal::show(&kept_in(job.folder()));
+        terminal::show(&kept_in(job.folder(), job.variant()));
     }
     Ok(())
 }

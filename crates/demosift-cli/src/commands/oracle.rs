@@ -63,6 +63,7 @@ pub(crate) fn run(arguments: &OracleArguments) -> Result<()> {
             "hit_rates": agreement.as_ref().map(Agreement::hit_rates_json),
             "kept": worth.as_ref().map(Worth::as_json),
             "unit": job.unit(),
+            "variant": job.variant(),
             "run_folder": job.folder().path(),
         }));
         return Ok(());
@@ -73,7 +74,7 @@ pub(crate) fn run(arguments: &OracleArguments) -> Result<()> {
         None => "\nThe run folder holds no ranking to compare with; `demosift select` makes it.\n".to_owned(),
     });
     terminal::show(&worth.map_or(String::new(), |worth| worth.in_words(job.unit())));
-    terminal::show(&kept_in(job.folder()));
+    terminal::show(&kept_in(job.folder(), job.variant()));
     Ok(())
 }
 

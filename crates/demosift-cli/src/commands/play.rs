@@ -21,6 +21,7 @@ use crate::arguments::{PictureArguments, PlayArguments};
 use crate::demonstrations::{self, Demonstrations};
 use crate::job;
 use crate::picture_folder::PictureFolder;
+use crate::run_folder;
 use crate::tables::{self, Scale};
 use crate::task::{self, Chosen};
 use crate::terminal::{self, Progress};
@@ -67,8 +68,8 @@ pub(crate) fn run(arguments: &PlayArguments) -> Result<()> {
 fn play(chosen: &Chosen, path: &Path, arguments: &PlayArguments) -> Result<Vec<Episode>> {
     let playground = Playground::new(chosen.task.as_ref());
     let policy = read_policy(path, playground.specification())?;
-    let variant = match &arguments.variant {
-        Some(name) => playground.specification().variant(name)?,
+    let variant = match arguments.variant.clone().or_else(|| trained_under(path, chosen)) {
+        Some(name) => playground.specification().variant(&name)?,
         None => EnvVariant(0),
     };
     if arguments.episodes == 0 {
@@ -88,6 +89,12 @@ fn play(chosen: &Chosen, path: &Path, arguments: &PlayArguments) -> Result<Vec<E
         })
     });
     episodes.collect()
+}
+
+/// The one goal of the run that a policy lies in the folder of, if that was about one goal of this task.
+fn trained_under(policy: &Path, chosen: &Chosen) -> Option<String> {
+    let (identity, _) = run_folder::of_finished(policy.parent()?).ok()?;
+    identity.variant.filter(|_| identity.task == chosen.name)
 }
 
 /// A policy of a run folder, if it fits the task.
@@ -188,7 +195,7 @@ impl<'c> Studio<'c> {
                 .with_hint("add a <camera name=\"side\" .../> to it")
         })?;
         let out = arguments.out.clone().unwrap_or_else(|| {
-            let mut folder = job::default_folder(&chosen.name).into_os_string();
+            let mut folder = job::default_folder(&chosen.name, None).into_os_string();
             folder.push("_pictures");
             folder.into()
         });

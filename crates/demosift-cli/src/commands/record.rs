@@ -110,7 +110,7 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<()> {
     if let Some(unseen) = unseen {
         terminal::show(&format!("\nUnseen demonstrations:\n\n{}", table(&unseen.demonstrations, unit)));
     }
-    terminal::show(&kept_in(&folder));
+    terminal::show(&kept_in(&folder, None));
     Ok(())
 }
 

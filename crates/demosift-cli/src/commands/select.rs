@@ -31,6 +31,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
             "weighing": weighing,
             "costs": costs::as_json(&costs),
             "unit": job.unit(),
+            "variant": job.variant(),
             "run_folder": job.folder().path(),
         }));
         return Ok(());
@@ -40,7 +41,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     terminal::show(&judgment::ranking(&judgment, Some((&subset, job.keep()))));
     terminal::show(&weighing.map_or(String::new(), |weighing| format!("\n{}", weights::trends(&weighing))));
     terminal::show(&costs::played(&costs));
-    terminal::show(&kept_in(job.folder()));
+    terminal::show(&kept_in(job.folder(), job.variant()));
     Ok(())
 }
 

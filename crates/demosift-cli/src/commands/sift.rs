@@ -41,6 +41,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
             "gain": gain,
             "unit": job.unit(),
             "report": page,
+            "variant": job.variant(),
             "run_folder": job.folder().path(),
         }));
         return Ok(());
@@ -49,7 +50,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     // After the tables, which took hours and are worth having even if the page cannot be written.
     let page = report::write(&mut job)?;
     terminal::show(&format!("\nReport: {}", page.display()));
-    terminal::show(&kept_in(job.folder()));
+    terminal::show(&kept_in(job.folder(), job.variant()));
     Ok(())
 }
 

@@ -28,12 +28,13 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
             "kept": weighing.demos,
             "costs": costs::as_json(&costs),
             "unit": job.unit(),
+            "variant": job.variant(),
             "run_folder": job.folder().path(),
         }));
         return Ok(());
     }
     terminal::show(&weights::trends(&weighing));
     terminal::show(&costs::played(&costs));
-    terminal::show(&kept_in(job.folder()));
+    terminal::show(&kept_in(job.folder(), job.variant()));
     Ok(())
 }

@@ -36,8 +36,7 @@ pub(crate) fn gains(scores: &ScoreTable, variants: &[String], unit: &str) -> Str
         .collect();
     let what = scale.title("gain");
     let rows = table(&header, &rows);
-    let advice =
-        "The ranking is by the mean. To choose for one of them, give it to a run of its own as --variant.";
+    let advice = "The ranking is by the mean. To choose for one of them, give its name to a run of its own: --variant NAME --out DIR.";
     format!("\nThe {what} under each variant, the best marked with *:\n\n{rows}\n{}\n", wrapped(advice))
 }
 

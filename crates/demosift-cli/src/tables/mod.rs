@@ -103,15 +103,19 @@ pub(crate) fn policies(curves: &[(String, &LearningCurve)], unit: &str) -> Strin
 }
 
 fn declined(name: &str, Decline { best, last }: Decline, scale: Scale<'_>) -> String {
-    let said = format!(
-        "The policy from {name} was best after {} updates ({}), is kept as it was then, and had lost most of that by \
-         update {} ({}). Where the discriminator's accuracy in metrics.jsonl is 1 by then, let it learn more slowly: \
-         --set imitate.update.discriminator.learning_rate=... and steps.",
+    let mut said = format!(
+        "The policy from {name} was best after {} updates ({}); by update {} it had lost at least half of what it had \
+         gained ({}). The best one is kept.",
         best.updates,
         scale.with_unit(best.score),
         last.updates,
         scale.with_unit(last.score)
     );
+    // Behavioral cloning learns from no environment step, and has no discriminator.
+    if last.environment_steps > 0 {
+        said += " Where the discriminator's accuracy in metrics.jsonl is 1 by then, a run of its own in which it learns \
+                 more slowly may keep more: --set imitate.update.discriminator.steps=3 --out DIR.";
+    }
     format!("\n{}\n", wrapped(&said))
 }
 
@@ -275,7 +279,11 @@ mod tests {
         };
         let said = policies(&[("all 8".to_owned(), &curve(-1.25)), ("4".to_owned(), &curve(-0.8))], "m");
         assert!(said.contains("\nThe policy from all 8 was best after 60 updates (-0.700 m)"), "{said}");
-        assert!(said.contains("by update 120 (-1.250 m)") && !said.contains("from 4 was"), "{said}");
+        assert!(
+            said.contains("gained (-1.250 m). The best one is kept.") && !said.contains("from 4 was"),
+            "{said}"
+        );
+        assert!(said.contains("imitate.update.discriminator.steps=3"), "{said}");
     }
 
     #[test]

@@ -18,13 +18,15 @@ pub struct Decline {
     pub last: CurvePoint,
 }
 
-/// Says so where, from its best point to its last, a curve lost at least half of what it had gained since its first.
+/// Says so where, from its best point to its last, a curve lost at least half of what it had gained since its first, and
+/// both are more than noise.
 pub fn decline(curve: &LearningCurve) -> Option<Decline> {
     let (first, last) = (*curve.points.first()?, *curve.points.last()?);
-    let best = *curve.points.iter().max_by(|a, b| a.score.total_cmp(&b.score))?;
+    // Of equal points the first, as the policy that is kept.
+    let best = *curve.points.iter().rev().max_by(|a, b| a.score.total_cmp(&b.score))?;
     let (gained, lost) = (best.score - first.score, best.score - last.score);
-    let noise = STANDARD_ERRORS * best.standard_error.hypot(last.standard_error);
-    (gained > noise && lost > noise && lost >= 0.5 * gained).then_some(Decline { best, last })
+    let noise = |other: CurvePoint| STANDARD_ERRORS * best.standard_error.hypot(other.standard_error);
+    (gained > noise(first) && lost > noise(last) && lost >= 0.5 * gained).then_some(Decline { best, last })
 }
 
 #[cfg(test)]
@@ -61,6 +63,7 @@ mod tests {
         assert_eq!(declines(&[-1.8, -0.6, -0.7, -1.3], 0.2), None, "within three standard errors of 0.28");
         assert_eq!(declines(&[-1.8, -1.3, -0.7, -0.6], 0.05), None, "it still learns");
         assert_eq!(declines(&[-0.4, -0.6, -0.7], 0.05), None, "a bad demonstration was imitated well");
+        assert_eq!(declines(&[-1.8, -0.6, -0.6, -1.3], 0.05), Some(1), "the first of equals is kept");
         assert_eq!(declines(&[-0.4], 0.05), None);
     }
 }
