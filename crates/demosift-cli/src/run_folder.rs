@@ -221,6 +221,7 @@ fn remove_partial(folder: &Path) -> Result<()> {
     Ok(())
 }
 
+/// The task was held against the run's before its goal was looked for, in [`crate::job::Plan`].
 fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Result<()> {
     let sha256 = |identity: &Identity| identity.data.as_ref().map(|data| data.sha256.clone());
     let old = &begun.identity;
@@ -234,12 +235,6 @@ fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Resu
     let variant = |identity: &Identity| identity.variant.clone().unwrap_or_else(|| "all of them".to_owned());
     let pairs = [
         ("the version of demosift", old.demosift.clone(), identity.demosift.clone()),
-        ("the task", old.task.clone(), identity.task.clone()),
-        (
-            "the SHA-256 of the task's files",
-            text(old.task_sha256.clone()),
-            text(identity.task_sha256.clone()),
-        ),
         ("the variant", variant(old), variant(identity)),
         // Before the hash, which may depend on them.
         ("the columns of the demonstrations", columns(old), columns(identity)),
