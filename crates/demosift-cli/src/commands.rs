@@ -14,6 +14,7 @@ mod record;
 mod report;
 mod select;
 mod sift;
+mod study;
 mod task;
 mod tasks;
 mod weigh;
@@ -33,6 +34,7 @@ pub(crate) fn run(command: Command) -> Result<()> {
         Command::Weigh(arguments) => weigh::run(&arguments),
         Command::Imitate(arguments) => imitate::run(&arguments),
         Command::Oracle(arguments) => oracle::run(&arguments),
+        Command::Study(arguments) => study::run(&arguments),
         Command::Play(arguments) => play::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),

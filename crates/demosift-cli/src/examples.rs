@@ -75,6 +75,20 @@ Examples:
   And are the kept better than five random subsets of their size?
     demosift oracle --out runs/throws --resume --repeats 1 --random 5";
 
+pub(crate) const STUDY: &str = "\
+Examples:
+  What would it take to compare the judges on all sets?
+    demosift study studies/verdict.toml --data public_sets --dry-run
+  Do it; the same line goes on after an interruption:
+    demosift study studies/verdict.toml --data public_sets --write docs/results/verdict.json
+  Two machines that share a folder, half of the work each:
+    demosift study studies/verdict.toml --out /mnt/verdict --part 1/2
+    demosift study studies/verdict.toml --out /mnt/verdict --part 2/2
+  Only the cells of one method on one set, and its oracle:
+    demosift study studies/verdict.toml --only free_throw_8/cloning,oracle
+  The tables of a result page, from a file of results:
+    demosift study docs/results/verdict.json --table --markdown";
+
 pub(crate) const REPORT: &str = "\
 Examples:
   Write the page again, such as after another stage:

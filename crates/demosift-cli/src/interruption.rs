@@ -26,14 +26,24 @@ static FOLDER: Mutex<Option<PathBuf>> = Mutex::new(None);
 /// What a shell reports of a process that a signal ended is this more than the signal's number.
 const SIGNALED: i32 = 128;
 
-/// From here on Ctrl-C and SIGTERM end the process as described above; `resumes` says whether the command goes on with
-/// `--resume`.
+/// How a command goes on where it was interrupted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum GoesOn {
+    /// It keeps nothing.
+    Never,
+    /// With `--resume`.
+    WithResume,
+    /// The same line does not do again what is finished.
+    ByItself,
+}
+
+/// From here on Ctrl-C and SIGTERM end the process as described above.
 ///
 /// Where the system refuses, they end it at once and without a word, which a run survives just as well.
-pub(crate) fn listen(resumes: bool) {
+pub(crate) fn listen(goes_on: GoesOn) {
     // Whoever ends the process in order has to be there before the default way to end it is taken away.
     let listener = Signals::new([SIGINT, SIGTERM]).and_then(|mut signals| {
-        let wait = move || signals.forever().take(1).for_each(|signal| stop(signal, resumes));
+        let wait = move || signals.forever().take(1).for_each(|signal| stop(signal, goes_on));
         thread::Builder::new().name("interruption".to_owned()).spawn(wait)
     });
     let again = Arc::new(AtomicBool::new(listener.is_err()));
@@ -55,15 +65,15 @@ pub(crate) fn undisturbed<T>(write: impl FnOnce() -> T) -> T {
     write()
 }
 
-fn stop(signal: i32, resumes: bool) {
+fn stop(signal: i32, goes_on: GoesOn) {
     // Never given back: from here on nothing more is written.
     let _writing = lock(&WRITING);
     let folder = lock(&FOLDER);
     match folder.as_deref() {
-        Some(folder) if resumes => {
+        Some(folder) if goes_on != GoesOn::Never => {
             // A path need not be UTF-8, and nobody would hear of a panic here.
             let typed = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
-            terminal::say_stopped(folder, &command_to_resume(typed));
+            terminal::say_stopped(folder, &command_to_go_on(typed, goes_on));
         }
         _ => terminal::say_stopped_only(),
     }
@@ -72,11 +82,11 @@ fn stop(signal: i32, resumes: bool) {
 }
 
 /// The command as it was typed, going on.
-fn command_to_resume(typed: impl Iterator<Item = String>) -> String {
+fn command_to_go_on(typed: impl Iterator<Item = String>, goes_on: GoesOn) -> String {
     let mut words: Vec<String> = typed.map(|word| quoted(&word)).collect();
     // What stands behind it is no option, whatever it looks like.
     let options = words.iter().position(|word| word == "--").unwrap_or(words.len());
-    if !words[..options].iter().any(|word| word == "--resume") {
+    if goes_on == GoesOn::WithResume && !words[..options].iter().any(|word| word == "--resume") {
         words.insert(options, "--resume".to_owned());
     }
     words.join(" ")
@@ -104,13 +114,22 @@ mod tests {
     fn the_command_that_goes_on_can_be_pasted_into_a_shell() {
         let typed = ["demosift", "sift", "my set", "--set", "imitate.update.alphas=[1, 2]"];
         assert_eq!(
-            command_to_resume(typed.into_iter().map(str::to_owned)),
+            command_to_go_on(typed.into_iter().map(str::to_owned), GoesOn::WithResume),
             "demosift sift 'my set' --set 'imitate.update.alphas=[1, 2]' --resume"
         );
         let typed = ["demosift", "judge", "--resume", "--out", "it's", ""];
         assert_eq!(
-            command_to_resume(typed.into_iter().map(str::to_owned)),
+            command_to_go_on(typed.into_iter().map(str::to_owned), GoesOn::WithResume),
             r"demosift judge --resume --out 'it'\''s' ''"
+        );
+    }
+
+    #[test]
+    fn a_study_goes_on_by_the_same_line() {
+        let typed = ["demosift", "study", "verdict.toml"];
+        assert_eq!(
+            command_to_go_on(typed.into_iter().map(str::to_owned), GoesOn::ByItself),
+            "demosift study verdict.toml"
         );
     }
 
@@ -118,7 +137,7 @@ mod tests {
     fn an_option_stands_before_what_can_be_none() {
         let typed = ["demosift", "sift", "--out", "run", "--", "--resume"];
         assert_eq!(
-            command_to_resume(typed.into_iter().map(str::to_owned)),
+            command_to_go_on(typed.into_iter().map(str::to_owned), GoesOn::WithResume),
             "demosift sift --out run --resume -- --resume"
         );
     }

@@ -13,6 +13,8 @@ mod own_heuristic;
 mod picture_folder;
 mod report;
 mod run_folder;
+mod study_file;
+mod study_folder;
 mod tables;
 mod task;
 mod terminal;
@@ -37,7 +39,7 @@ fn main() -> ExitCode {
             return ExitCode::from(if error.use_stderr() { USER_MISTAKE } else { 0 });
         }
     };
-    interruption::listen(typed.command.run().is_some());
+    interruption::listen(typed.command.goes_on());
     match commands::run(typed.command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -2,6 +2,7 @@
 
 use std::io::Write as _;
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
@@ -106,6 +107,43 @@ impl Observer for Progress {
             }
             Event::Checkpoint { .. } => {}
         }
+    }
+}
+
+/// Says something on the way, such as what is done anew.
+pub(crate) fn say(words: &str) {
+    clear_bar();
+    let _ = writeln!(std::io::stderr().lock(), "{words}");
+}
+
+/// Shows how many cells of a study are made; the bar and the time left go by what each costs.
+pub(crate) struct StudyProgress {
+    bar: ProgressBar,
+    made: AtomicUsize,
+    cells: usize,
+}
+
+impl StudyProgress {
+    /// So many cells, which cost so much together.
+    pub(crate) fn new(cells: usize, cost: u64) -> Self {
+        let style = ProgressStyle::with_template("{msg} {wide_bar} {elapsed} so far, {eta} left")
+            .expect("the template is ours");
+        let bar = ProgressBar::new(cost).with_style(style).with_message(format!("cell 0 of {cells}"));
+        *SHOWN.lock().unwrap_or_else(PoisonError::into_inner) = Some(bar.clone());
+        bar.enable_steady_tick(Duration::from_millis(500));
+        Self { bar, made: AtomicUsize::new(0), cells }
+    }
+
+    /// A cell is made.
+    pub(crate) fn advance(&self, cost: u64) {
+        let made = 1 + self.made.fetch_add(1, Ordering::Relaxed);
+        self.bar.set_message(format!("cell {made} of {}", self.cells));
+        self.bar.inc(cost);
+    }
+
+    /// Clears the bar.
+    pub(crate) fn finish(&self) {
+        self.bar.finish_and_clear();
     }
 }
 

@@ -79,6 +79,7 @@ pub mod rows;
 pub mod seed;
 pub mod select;
 pub mod solve;
+pub mod study;
 pub mod subset_selection;
 pub mod tensorboard;
 pub mod trajectory;

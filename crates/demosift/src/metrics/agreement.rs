@@ -64,7 +64,8 @@ fn membership(values: &[f64], k: usize) -> Vec<f64> {
     values.iter().map(of).collect()
 }
 
-fn ranks(values: &[f64]) -> Vec<f64> {
+/// The rank of each value from 1, the lowest, ties sharing their mean rank.
+pub fn ranks(values: &[f64]) -> Vec<f64> {
     let mean_rank = |value: &f64| {
         let below = values.iter().filter(|other| *other < value).count();
         let equal = values.iter().filter(|other| *other == value).count();

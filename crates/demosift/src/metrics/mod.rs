@@ -4,7 +4,7 @@ mod agreement;
 mod decline;
 mod gain;
 
-pub use agreement::{hit_rate, kendall, spearman};
+pub use agreement::{hit_rate, kendall, ranks, spearman};
 pub use decline::{Decline, decline};
 pub use gain::{AgainstRandom, Gain, Verdict, against_random, gain, gain_of_trainings, share_of_best};
 

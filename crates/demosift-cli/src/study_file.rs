@@ -1,0 +1,440 @@
+//! A study file: what it plans, its sets and its methods' configurations, all read and checked before a cell is made.
+
+use std::path::{Path, PathBuf};
+
+use demosift::adapt::Rule;
+use demosift::demonstration::DemonstrationSet;
+use demosift::demonstration::source::{self, Columns, Format};
+use demosift::experiment::{self, Config};
+use demosift::preset::Preset;
+use demosift::recording::Origin;
+use demosift::rollout::Playground;
+use demosift::study::{
+    Choice, Combination, CombinationRule, Judge, Known, Only, Pool, Regret, Seeds, Set, Study, TopK,
+};
+use demosift::{Error, Result};
+use serde::Deserialize;
+use toml::Table;
+
+use crate::configuration::{self, Layer};
+use crate::task::{self, Chosen};
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    preset: Option<String>,
+    seeds: SeedsEntry,
+    sets: Vec<SetEntry>,
+    methods: Vec<MethodEntry>,
+    #[serde(default)]
+    training: TrainingEntry,
+    oracle: Option<OracleEntry>,
+    hits_at: Option<Vec<TopK>>,
+    regret: Option<RegretEntry>,
+    #[serde(default)]
+    pools: Vec<PoolEntry>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SeedsEntry {
+    #[serde(default)]
+    first: u64,
+    count: usize,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SetEntry {
+    name: String,
+    task: String,
+    variant: Option<String>,
+    /// Beside the study file.
+    data: Option<PathBuf>,
+    /// Who published it; then `file` is looked for in the folder of public sets.
+    source: Option<String>,
+    file: Option<PathBuf>,
+    sha256: Option<String>,
+    format: Option<Format>,
+    #[serde(default)]
+    observation_columns: Vec<String>,
+    #[serde(default)]
+    action_columns: Vec<String>,
+    episodes: Option<Vec<usize>>,
+    seeds: Option<usize>,
+    oracle_seeds: Option<usize>,
+    regret: Option<bool>,
+    returns: Option<Vec<f64>>,
+    stage: Option<PathBuf>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MethodEntry {
+    name: String,
+    preset: Option<String>,
+    #[serde(default)]
+    clones: bool,
+    values: Option<Table>,
+    rule: Option<CombinationRule>,
+    of: Option<Vec<String>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TrainingEntry {
+    preset: Option<String>,
+    #[serde(default)]
+    values: Table,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct OracleEntry {
+    imitators: Vec<Rule>,
+    seeds: usize,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RegretEntry {
+    at: Vec<TopK>,
+    imitators: Vec<Rule>,
+    trainings: usize,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PoolEntry {
+    set: String,
+    subsets: Vec<Choice>,
+    imitator: Rule,
+    trainings: usize,
+}
+
+/// A study with all that its cells are made from.
+pub(crate) struct Opened {
+    /// Of the sets that are there and asked for.
+    pub(crate) study: Study,
+    /// In the order of the study's sets.
+    pub(crate) sets: Vec<OpenedSet>,
+    /// What is to be said of it, such as which sets are not there.
+    pub(crate) notes: Vec<String>,
+}
+
+/// A set, its task, and the configurations for both.
+pub(crate) struct OpenedSet {
+    pub(crate) set: DemonstrationSet,
+    pub(crate) chosen: Chosen,
+    /// The task as the study file names it.
+    pub(crate) task: String,
+    pub(crate) sha256: String,
+    pub(crate) episodes: Option<Vec<usize>>,
+    /// Of trainings.
+    pub(crate) training: Config,
+    /// Of each method that has cells of its own, by name.
+    pub(crate) methods: Vec<(String, Config)>,
+}
+
+/// The name of a study: that of its file.
+pub(crate) fn name(path: &Path) -> String {
+    path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// Reads and checks everything; `public` is the folder of the public sets.
+pub(crate) fn open(path: &Path, public: Option<&Path>, only: &Only) -> Result<Opened> {
+    let file = read(path).map_err(|error| error.at(path))?;
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let known: Vec<&str> = file.sets.iter().map(|set| set.name.as_str()).collect();
+    if let Some(name) = only.sets.iter().flatten().find(|name| !known.contains(&name.as_str())) {
+        let list = known.join(", ");
+        return Err(Error::bad_config(format!("the study has no set '{name}'; it has: {list}")).at(path));
+    }
+    let wanted = |set: &&SetEntry| only.sets.as_ref().is_none_or(|names| names.contains(&set.name));
+    let (mut sets, mut planned, mut notes) = (Vec::new(), Vec::new(), Vec::new());
+    for entry in file.sets.iter().filter(wanted) {
+        let during = |error: Error| error.during(&format!("the set '{}'", entry.name));
+        match open_set(entry, &file, Folders { study: folder, public }).map_err(during)? {
+            Found::There { opened, plan } => {
+                sets.push(*opened);
+                planned.push(*plan);
+            }
+            Found::NotThere(why) => notes.push(format!("The set {} is left out: {why}.", entry.name)),
+        }
+    }
+    let there: Vec<String> = planned.iter().map(|set| set.name.clone()).collect();
+    let named = |pool: &&PoolEntry| !known.contains(&pool.set.as_str()) || there.contains(&pool.set);
+    let mut study = Study {
+        name: name(path),
+        sets: planned,
+        methods: file.methods.iter().map(method).collect::<Result<_>>().map_err(|error| error.at(path))?,
+        oracle: file.oracle.as_ref().map_or(Vec::new(), |oracle| oracle.imitators.clone()),
+        hits_at: file
+            .hits_at
+            .clone()
+            .unwrap_or_else(|| vec![TopK::Count(1), TopK::Count(2), TopK::Quarter, TopK::Half]),
+        regret: file.regret.as_ref().map(|regret| Regret {
+            at: regret.at.clone(),
+            imitators: regret.imitators.clone(),
+            trainings: Seeds { first: file.seeds.first, count: regret.trainings },
+        }),
+        pools: file.pools.iter().filter(named).map(|pool| pool_of(pool, file.seeds.first)).collect(),
+    };
+    study.oracle.dedup();
+    if study.sets.is_empty() {
+        let hint = "give the folder of the public sets: --data DIR";
+        let why = notes.first().map_or("it has no set".to_owned(), Clone::clone);
+        return Err(Error::bad_input(format!("nothing is left of the study. {why}")).with_hint(hint));
+    }
+    study.check().map_err(|error| error.at(path))?;
+    Ok(Opened { study, sets, notes })
+}
+
+fn read(path: &Path) -> Result<File> {
+    let text = std::fs::read_to_string(path).map_err(|source| match source.kind() {
+        std::io::ErrorKind::NotFound => Error::bad_input("the study file does not exist"),
+        _ => Error::io("cannot read the study", path, &source),
+    })?;
+    let wrong = |error: toml::de::Error| {
+        Error::bad_config(format!("this is not a study file: {}", error.to_string().trim_end()))
+            .with_hint("docs/studies.md has the form of a study file")
+    };
+    let file: File = toml::from_str(&text).map_err(wrong)?;
+    if file.seeds.count == 0 {
+        return Err(Error::bad_config("seeds.count = 0, and must be at least 1"));
+    }
+    Ok(file)
+}
+
+fn method(entry: &MethodEntry) -> Result<Judge> {
+    let combination = match (entry.rule, &entry.of) {
+        (Some(rule), Some(of)) => Some(Combination { rule, of: of.clone() }),
+        (None, None) => None,
+        _ => {
+            return Err(Error::bad_config(format!(
+                "the method '{}' has one of rule and of; a combination has both, and any other method none",
+                entry.name
+            )));
+        }
+    };
+    if combination.is_some() && (entry.values.is_some() || entry.preset.is_some()) {
+        return Err(Error::bad_config(format!(
+            "the method '{}' combines others, so it has no preset and no values of its own",
+            entry.name
+        )));
+    }
+    Ok(Judge { name: entry.name.clone(), clones: entry.clones, combination })
+}
+
+fn pool_of(entry: &PoolEntry, first: u64) -> Pool {
+    let trainings = Seeds { first, count: entry.trainings };
+    Pool { set: entry.set.clone(), subsets: entry.subsets.clone(), imitator: entry.imitator, trainings }
+}
+
+#[derive(Clone, Copy)]
+struct Folders<'a> {
+    /// That of the study file, from which paths in it count.
+    study: &'a Path,
+    /// That of the public sets.
+    public: Option<&'a Path>,
+}
+
+enum Found {
+    There {
+        opened: Box<OpenedSet>,
+        plan: Box<Set>,
+    },
+    /// In words.
+    NotThere(String),
+}
+
+fn open_set(entry: &SetEntry, file: &File, folders: Folders<'_>) -> Result<Found> {
+    let path = match located(entry, folders)? {
+        Located::At(path) => path,
+        Located::NotThere(why) => return Ok(Found::NotThere(why)),
+    };
+    let columns =
+        Columns { observations: entry.observation_columns.clone(), actions: entry.action_columns.clone() };
+    let path = source::located(&path, entry.format)?;
+    let source = source::open(&path, entry.format, &columns)?;
+    let sha256 = source::sha256(&source, &path)?;
+    if let Some(wanted) = entry.sha256.as_ref().filter(|wanted| **wanted != sha256) {
+        return Err(Error::bad_input(format!("the SHA-256 is {sha256}, and must be {wanted}")).at(&path));
+    }
+    let whole = source.set().map_err(|error| error.at(&path))?;
+    let set = match &entry.episodes {
+        Some(episodes) => part_of(&whole, episodes)?,
+        None => whole.clone(),
+    };
+    let chosen = choose(entry, folders)?;
+    let opened = OpenedSet {
+        training: training(&set, &chosen, file)?,
+        methods: configurations(&set, &chosen, file)?,
+        task: entry.task.clone(),
+        sha256,
+        episodes: entry.episodes.clone(),
+        set,
+        chosen,
+    };
+    let of_file = |kind: &str, values: Vec<f64>| picked(kind, values, whole.len(), entry.episodes.as_deref());
+    let mut known = Vec::new();
+    if let Some(returns) = &entry.returns {
+        known.push(of_file("return", returns.clone())?);
+    }
+    if let Some(stage) = &entry.stage {
+        known.push(of_file("stage", stages(&folders.study.join(stage))?)?);
+    }
+    let oracle = file.oracle.as_ref().map_or(0, |oracle| entry.oracle_seeds.unwrap_or(oracle.seeds));
+    let plan = Set {
+        name: entry.name.clone(),
+        task: entry.task.clone(),
+        variant: opened.chosen.variant.clone(),
+        unit: opened.chosen.task.heuristic().unit().to_owned(),
+        episodes: entry.episodes.clone(),
+        demonstrations: opened.set.len(),
+        seeds: Seeds { first: file.seeds.first, count: entry.seeds.unwrap_or(file.seeds.count) },
+        oracle_seeds: Seeds { first: file.seeds.first, count: oracle },
+        regret: entry.regret.unwrap_or(true),
+        known,
+    };
+    Ok(Found::There { opened: Box::new(opened), plan: Box::new(plan) })
+}
+
+enum Located {
+    At(PathBuf),
+    /// In words.
+    NotThere(String),
+}
+
+fn located(entry: &SetEntry, folders: Folders<'_>) -> Result<Located> {
+    let (source, file) = match (&entry.data, &entry.source, &entry.file) {
+        (Some(data), None, None) => return Ok(Located::At(folders.study.join(data))),
+        (None, Some(source), Some(file)) if entry.sha256.is_some() => (source, file),
+        _ => {
+            return Err(Error::bad_config(
+                "it must have data, the path of a set beside the study file, or of a public set source, file and sha256",
+            ));
+        }
+    };
+    let Some(public) = folders.public else {
+        return Ok(Located::NotThere(format!(
+            "it is of {source} and does not come with demosift, and no --data DIR is given"
+        )));
+    };
+    let path = public.join(file);
+    match path.exists() {
+        true => Ok(Located::At(path)),
+        false => {
+            Ok(Located::NotThere(format!("{} of {source} is not in the folder of --data", file.display())))
+        }
+    }
+}
+
+fn part_of(whole: &DemonstrationSet, episodes: &[usize]) -> Result<DemonstrationSet> {
+    let (mut seen, mut picked) = (Vec::new(), Vec::new());
+    for &episode in episodes {
+        let Some((_, demonstration)) = whole.iter().nth(episode) else {
+            return Err(Error::bad_config(format!(
+                "episodes names {episode}, and there are 0 to {}",
+                whole.len() - 1
+            )));
+        };
+        if seen.contains(&episode) {
+            return Err(Error::bad_config(format!("episodes names {episode} twice")));
+        }
+        seen.push(episode);
+        picked.push(demonstration.clone());
+    }
+    DemonstrationSet::new(picked)
+}
+
+/// Of values for the whole file those of the episodes that are used.
+fn picked(kind: &str, values: Vec<f64>, whole: usize, episodes: Option<&[usize]>) -> Result<Known> {
+    if values.len() != whole {
+        return Err(Error::bad_config(format!(
+            "its {kind} has {} numbers, and must have one for each of the {whole} demonstrations of the file",
+            values.len()
+        )));
+    }
+    let values = match episodes {
+        Some(episodes) => episodes.iter().map(|episode| values[*episode]).collect(),
+        None => values,
+    };
+    Ok(Known { kind: kind.to_owned(), values })
+}
+
+/// Mean heuristic of the demonstrator at the stage of each demonstration.
+fn stages(path: &Path) -> Result<Vec<f64>> {
+    #[derive(Deserialize)]
+    struct Origins {
+        demonstrations: Vec<Origin>,
+    }
+    let bytes = std::fs::read(path).map_err(|source| match source.kind() {
+        std::io::ErrorKind::NotFound => {
+            Error::bad_input("the file of the demonstrations' stages does not exist").at(path)
+        }
+        _ => Error::io("cannot read the stages", path, &source),
+    })?;
+    let origins: Origins = serde_json::from_slice(&bytes).map_err(|error| {
+        Error::bad_input(format!("this does not say where demonstrations came from: {error}")).at(path)
+    })?;
+    let mut origins = origins.demonstrations;
+    origins.sort_by_key(|origin| origin.demonstration);
+    Ok(origins.into_iter().map(|origin| origin.stage_score).collect())
+}
+
+/// The task, by name or by its path from the study file, under one variant.
+fn choose(entry: &SetEntry, folders: Folders<'_>) -> Result<Chosen> {
+    let beside = folders.study.join(&entry.task);
+    let chosen = match (task::names().contains(&entry.task.as_str()), beside.to_str()) {
+        (false, Some(path)) if beside.exists() => task::choose(path)?,
+        _ => task::choose(&entry.task)?,
+    };
+    let variants = chosen.task.specification().variants.clone();
+    match &entry.variant {
+        Some(variant) => chosen.under(variant),
+        None if variants.len() > 1 => Err(Error::bad_config(format!(
+            "the task '{}' has several goals, so the set must name one as its variant: {}",
+            entry.task,
+            variants.join(", ")
+        ))),
+        None => Ok(chosen),
+    }
+}
+
+fn preset(name: Option<&String>, file: &File) -> Result<Preset> {
+    let name = name.or(file.preset.as_ref()).map_or("standard", String::as_str);
+    Preset::ALL.into_iter().find(|(known, _)| *known == name).map(|(_, preset)| preset).ok_or_else(|| {
+        let known: Vec<&str> = Preset::ALL.iter().map(|(known, _)| *known).collect();
+        Error::bad_config(format!("there is no preset '{name}'; there are: {}", known.join(", ")))
+    })
+}
+
+/// A configuration in layers, as that of a job is made.
+fn configuration(chosen: &Chosen, preset: Preset, layer: Layer) -> Result<Config> {
+    let mut values = configuration::preset(preset, chosen.values.clone())?;
+    configuration::apply(&mut values, &layer)?;
+    configuration::typed(configuration::of_job(values))
+}
+
+fn training(set: &DemonstrationSet, chosen: &Chosen, file: &File) -> Result<Config> {
+    let values = Layer { source: "training.values".to_owned(), values: file.training.values.clone() };
+    let config = configuration(chosen, preset(file.training.preset.as_ref(), file)?, values)?;
+    experiment::check(set, chosen.task.specification(), &config)?;
+    Ok(config)
+}
+
+fn configurations(set: &DemonstrationSet, chosen: &Chosen, file: &File) -> Result<Vec<(String, Config)>> {
+    let direct = file.methods.iter().filter(|method| method.of.is_none());
+    let of = |method: &MethodEntry| -> Result<(String, Config)> {
+        let values = method.values.clone().unwrap_or_default();
+        let values = Layer { source: format!("the values of '{}'", method.name), values };
+        let config = configuration(chosen, preset(method.preset.as_ref(), file)?, values)?;
+        experiment::check(set, chosen.task.specification(), &config)?;
+        experiment::check_budget(set, &Playground::new(chosen.task.as_ref()), &config)?;
+        Ok((method.name.clone(), config))
+    };
+    direct
+        .map(|method| of(method).map_err(|error| error.during(&format!("the method '{}'", method.name))))
+        .collect()
+}

@@ -1,0 +1,259 @@
+//! The tables of a study, plain or in Markdown.
+
+use demosift::adapt::Rule;
+use demosift::study::compact::Compact;
+use demosift::study::estimate::{Difference, ENOUGH_SEEDS, Estimate};
+use demosift::study::summary::{Compared, SetSummary, Summary};
+use demosift::study::{Work, imitator_name};
+use serde::Serialize;
+
+use super::{Scale, percent, rounded, table, wrapped};
+
+/// A table with a line above it, and perhaps words below.
+struct Section {
+    title: &'static str,
+    header: Vec<String>,
+    rows: Vec<Vec<String>>,
+    below: String,
+}
+
+/// All tables that have a row.
+pub(crate) fn in_full(compact: &Compact, summary: &Summary, markdown: bool) -> String {
+    let [finished, named] = summary.finished;
+    let mut told = format!("Study {}: {finished} of {named} cells are finished.\n", compact.study.name);
+    let sections =
+        [agreement(summary), differences(summary), regret(summary), costs(summary), pools(compact, summary)];
+    for Section { title, header, rows, below } in
+        sections.into_iter().filter(|section| !section.rows.is_empty())
+    {
+        let header: Vec<&str> = header.iter().map(String::as_str).collect();
+        let table = if markdown { in_markdown(&header, &rows) } else { table(&header, &rows) };
+        told += &format!("\n{title}\n\n{table}");
+        if !below.is_empty() {
+            told += &format!("\n{}\n", said(&below, markdown));
+        }
+    }
+    for note in &compact.notes {
+        told += &format!("\n{}\n", said(note, markdown));
+    }
+    for (name, error) in &summary.failures {
+        told += &format!("\n{}\n", said(&format!("The cell {name} failed: {error}."), markdown));
+    }
+    told
+}
+
+/// Markdown has one sentence per line, whatever its length.
+fn said(words: &str, markdown: bool) -> String {
+    if markdown { words.replace(". ", ".\n") } else { wrapped(words) }
+}
+
+fn in_markdown(header: &[&str], rows: &[Vec<String>]) -> String {
+    let line = |cells: &[String]| format!("| {} |\n", cells.join(" | ").replace("~", r"\~"));
+    let header: Vec<String> = header.iter().map(|&cell| cell.to_owned()).collect();
+    let rule = format!("|{}\n", "---|".repeat(header.len()));
+    std::iter::once(line(&header)).chain([rule]).chain(rows.iter().map(|row| line(row))).collect()
+}
+
+fn words(header: &[&str]) -> Vec<String> {
+    header.iter().map(|&word| word.to_owned()).collect()
+}
+
+fn agreement(summary: &Summary) -> Section {
+    let mut ks: Vec<usize> = summary.sets.iter().flat_map(|set| set.hits_at.clone()).collect();
+    ks.sort_unstable();
+    ks.dedup();
+    let mut header = words(&["set", "truth", "judge", "Spearman", "Kendall"]);
+    header.extend(ks.iter().map(|k| format!("hit at {k}")));
+    header.push("seeds".to_owned());
+    let mut rows = Vec::new();
+    for set in &summary.sets {
+        for of in &set.agreement {
+            let judge = of.method.clone().unwrap_or_else(|| "(ceiling)".to_owned());
+            let mut row = vec![set.set.clone(), of.truth.to_string(), judge];
+            row.extend([correlation(&of.spearman), format!("{:.2}", of.kendall.mean)]);
+            row.extend(ks.iter().map(|k| {
+                let place = set.hits_at.iter().position(|known| known == k);
+                place.map_or("-".to_owned(), |place| format!("{:.2}", of.hit_rates[place].mean))
+            }));
+            row.push(of.spearman.seeds.to_string());
+            rows.push(row);
+        }
+    }
+    let below = "Spearman is the mean over seeds with its 95 % interval by percentile bootstrap. The ceiling is the oracle \
+                 against itself: each of its seeds against the mean of the others, as the judges are. A judge that clones \
+                 is not held against an oracle by cloning.";
+    Section { title: "How well each judge agrees with the truth:", header, rows, below: below.to_owned() }
+}
+
+fn correlation(of: &Estimate) -> String {
+    if of.seeds == 1 {
+        return format!("{:.2}", of.mean);
+    }
+    format!("{:.2} [{:.2}, {:.2}]", of.mean, of.low, of.high)
+}
+
+fn differences(summary: &Summary) -> Section {
+    let row = |set: &str, of: &Compared| {
+        let found = of.difference;
+        let judges = format!("{} − {}", of.method, of.other);
+        vec![
+            set.to_owned(),
+            of.truth.to_string(),
+            judges,
+            difference(&found),
+            separable(of),
+            found.pairs.to_string(),
+        ]
+    };
+    let of_set = |set: &SetSummary| set.differences.iter().map(|of| row(&set.set, of)).collect::<Vec<_>>();
+    let mut rows: Vec<Vec<String>> = summary.sets.iter().flat_map(of_set).collect();
+    let over_sets = summary.over_sets.iter().filter(|of| of.difference.pairs > 1);
+    rows.extend(over_sets.map(|of| {
+        let mut row = row("all", of);
+        row[5] = format!("{} sets", of.difference.pairs);
+        row
+    }));
+    let below = "Differences of Spearman's correlation, paired by seed, with a 95 % interval by Student's t; over all sets, \
+                 which count alike, by their standard errors. Fewer than ten pairs tell little.";
+    Section {
+        title: "Which judge is the better one:",
+        header: words(&["set", "truth", "judges", "difference", "so", "pairs"]),
+        rows,
+        below: below.to_owned(),
+    }
+}
+
+fn difference(of: &Difference) -> String {
+    match of.interval {
+        Some([low, high]) => format!("{:+.2} [{low:+.2}, {high:+.2}]", of.mean),
+        None => format!("{:+.2}", of.mean),
+    }
+}
+
+fn separable(of: &Compared) -> String {
+    let better = if of.difference.mean > 0.0 { &of.method } else { &of.other };
+    if of.separable { format!("{better} is better") } else { "not separable".to_owned() }
+}
+
+fn regret(summary: &Summary) -> Section {
+    let mut rows = Vec::new();
+    for set in &summary.sets {
+        let scale = Scale::of(set.regret.iter().map(|of| of.regret.mean), &set.unit);
+        for of in &set.regret {
+            let share = of.share.map_or("-".to_owned(), |share| percent(share.mean));
+            rows.push(vec![
+                set.set.clone(),
+                imitator_name(of.imitator).to_owned(),
+                of.k.to_string(),
+                of.method.clone(),
+                interval(&of.regret, scale),
+                share,
+                of.regret.seeds.to_string(),
+            ]);
+        }
+    }
+    let below = "Regret is how much worse the policy from a judge's top K is at the end of its training than that from the \
+                 truly best K, with the same trainings; lower is better. The share is of what the best demonstration alone \
+                 is above the mean of all alone. At K = 1 the best was chosen by these very trainings, so regret is never \
+                 below 0 there.";
+    Section {
+        title: "What it costs to believe a judge:",
+        header: words(&["set", "imitator", "K", "judge", "regret", "share", "seeds"]),
+        rows,
+        below: below.to_owned(),
+    }
+}
+
+fn interval(of: &Estimate, scale: Scale<'_>) -> String {
+    if of.seeds == 1 {
+        return scale.with_unit(of.mean);
+    }
+    let ends = format!("{} [{}, {}]", scale.plain(of.mean), scale.plain(of.low), scale.plain(of.high));
+    format!("{ends} {}", scale.unit).trim_end().to_owned()
+}
+
+fn costs(summary: &Summary) -> Section {
+    let mut rows = Vec::new();
+    for set in &summary.sets {
+        for of in &set.costs {
+            let distance = of.adapted_behaviors_distance;
+            rows.push(vec![
+                set.set.clone(),
+                of.method.clone(),
+                rounded(of.steps_once),
+                rounded(of.steps_each),
+                format!("{:.1}", of.seconds_once),
+                format!("{:.2}", of.seconds_each),
+                distance.map_or("-".to_owned(), |distance| format!("{distance:.2}")),
+                of.seeds.to_string(),
+            ]);
+        }
+    }
+    Section {
+        title: "What judging costs, once and for each demonstration:",
+        header: words(&["set", "judge", "steps once", "steps each", "s once", "s each", "ABD", "seeds"]),
+        rows,
+        below: "Seconds are those of one processor. ABD is the adapted behaviors distance.".to_owned(),
+    }
+}
+
+fn pools(compact: &Compact, summary: &Summary) -> Section {
+    let mut rows = Vec::new();
+    for pool in &summary.pools {
+        let Some(means) = pool.means() else { continue };
+        let unit = compact.study.set(&pool.set).map_or("", |set| set.unit.as_str());
+        let scale = Scale::of([means.end.mean, means.chosen.mean], unit);
+        rows.push(vec![
+            pool.set.clone(),
+            pool.subset.clone(),
+            imitator_name(pool.imitator).to_owned(),
+            interval(&means.end, scale),
+            interval(&means.chosen, scale),
+            means.success.map_or("-".to_owned(), percent),
+            pool.trainings.len().to_string(),
+        ]);
+    }
+    Section {
+        title: "What policies learn from subsets:",
+        header: words(&["set", "subset", "imitator", "at the end", "the chosen", "success", "trainings"]),
+        rows,
+        below: "Success is that at the end of the training.".to_owned(),
+    }
+}
+
+/// Cells of one kind that are still to be made.
+#[derive(Debug, Serialize)]
+pub(crate) struct Kind {
+    pub(crate) name: String,
+    pub(crate) cells: usize,
+    pub(crate) environment_steps: u64,
+}
+
+/// The kind of some work.
+pub(crate) fn kind(work: &Work) -> String {
+    match work {
+        Work::Judging { method, .. } => format!("judging by {method}"),
+        Work::Training { imitator: Rule::Gail, .. } => "training by gail".to_owned(),
+        Work::Training { imitator: Rule::BehavioralCloning, .. } => "training by cloning".to_owned(),
+    }
+}
+
+/// What a study would do.
+pub(crate) fn forecast(kinds: &[Kind], finished: usize, later: usize, notes: &[String]) -> String {
+    let rows: Vec<Vec<String>> = kinds
+        .iter()
+        .map(|of| vec![of.name.clone(), of.cells.to_string(), rounded(of.environment_steps as f64)])
+        .collect();
+    let mut told = format!("{finished} cells are finished.\n");
+    if !rows.is_empty() {
+        let table = table(&["kind of cell", "cells", "environment steps"], &rows);
+        told += &format!("\nStill to be made:\n\n{table}");
+    }
+    if later > 0 {
+        told += &format!("\nUp to {later} trainings more depend on what judging finds.\n");
+    }
+    notes.iter().for_each(|note| told += &format!("\n{}\n", wrapped(note)));
+    told
+}
+
+const _: () = assert!(ENOUGH_SEEDS == 10, "the words below the tables say ten");
