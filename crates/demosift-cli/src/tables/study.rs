@@ -107,17 +107,15 @@ fn differences(summary: &Summary) -> Section {
     };
     let of_set = |set: &SetSummary| set.differences.iter().map(|of| row(&set.set, of)).collect::<Vec<_>>();
     let mut rows: Vec<Vec<String>> = summary.sets.iter().flat_map(of_set).collect();
-    let over_sets = summary.over_sets.iter().filter(|of| of.difference.pairs > 1);
-    rows.extend(over_sets.map(|of| {
-        let mut row = row("all", of);
-        row[5] = format!("{} sets", of.difference.pairs);
-        row
-    }));
+    // Of a single set it is said above.
+    let over_sets = summary.over_sets.iter().filter(|of| of.sets > 1);
+    rows.extend(over_sets.map(|of| row(&format!("all {}", of.sets), &of.compared)));
     let below = "Differences of Spearman's correlation, paired by seed, with a 95 % interval by Student's t; over all sets, \
-                 which count alike, by their standard errors. Fewer than ten pairs tell little.";
+                 which count alike, with the degrees of freedom of Welch and Satterthwaite. Fewer than ten pairs a set tell \
+                 little.";
     Section {
         title: "Which judge is the better one:",
-        header: words(&["set", "truth", "judges", "difference", "so", "pairs"]),
+        header: words(&["set", "truth", "judges", "difference", "verdict", "pairs"]),
         rows,
         below: below.to_owned(),
     }
@@ -154,8 +152,8 @@ fn regret(summary: &Summary) -> Section {
     }
     let below = "Regret is how much worse the policy from a judge's top K is at the end of its training than that from the \
                  truly best K, with the same trainings; lower is better. The share is of what the best demonstration alone \
-                 is above the mean of all alone. At K = 1 the best was chosen by these very trainings, so regret is never \
-                 below 0 there.";
+                 is above the mean of all alone. The best is found by trainings that are \
+                 counted here too, which makes every judge look a little worse than it is at K = 1.";
     Section {
         title: "What it costs to believe a judge:",
         header: words(&["set", "imitator", "K", "judge", "regret", "share", "seeds"]),

@@ -95,22 +95,38 @@ pub fn paired_difference(pairs: &[(f64, f64)]) -> Option<Difference> {
 
 /// The mean of differences that were found on sets of their own, which are what they are and no sample; one set counts as
 /// much as another. `None` where no set has an error.
-pub fn over_sets(differences: &[Difference]) -> Option<Difference> {
-    const NORMAL: f64 = 1.959_963_984_540_054;
-    let known: Vec<(f64, f64)> =
-        differences.iter().filter_map(|of| Some((of.mean, of.standard_error?))).collect();
+///
+/// The interval is by Student's t with the degrees of freedom of Welch and Satterthwaite, so that few seeds stay few however
+/// many sets they judge: (Σ s²)² / Σ s⁴/(n − 1) for standard errors s of n pairs.
+pub fn over_sets(differences: &[Difference]) -> Option<OverSets> {
+    let known: Vec<(f64, f64, usize)> =
+        differences.iter().filter_map(|of| Some((of.mean, of.standard_error?, of.pairs))).collect();
     if known.is_empty() {
         return None;
     }
     let count = known.len() as f64;
-    let center = known.iter().map(|(mean, _)| mean).sum::<f64>() / count;
-    let error = known.iter().map(|(_, error)| error.powi(2)).sum::<f64>().sqrt() / count;
-    Some(Difference {
+    let center = known.iter().map(|(mean, ..)| mean).sum::<f64>() / count;
+    let squares: f64 = known.iter().map(|(_, error, _)| error.powi(2)).sum();
+    let fourths: f64 = known.iter().map(|(_, error, pairs)| error.powi(4) / (pairs - 1) as f64).sum();
+    let error = squares.sqrt() / count;
+    let degrees = if fourths > 0.0 { (squares.powi(2) / fourths) as usize } else { 1 };
+    let half = error * t_quantile(degrees.max(1));
+    let difference = Difference {
         mean: center,
-        interval: Some([center - NORMAL * error, center + NORMAL * error]),
+        interval: Some([center - half, center + half]),
         standard_error: Some(error),
-        pairs: known.len(),
-    })
+        pairs: known.iter().map(|(.., pairs)| pairs).sum(),
+    };
+    Some(OverSets { difference, sets: known.len() })
+}
+
+/// A difference over several sets.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OverSets {
+    /// With the pairs of all sets.
+    pub difference: Difference,
+    /// How many sets there are.
+    pub sets: usize,
 }
 
 /// The 97.5 % quantile of Student's t: stored for few degrees of freedom, by the expansion of Cornish and Fisher for more.
@@ -205,11 +221,19 @@ mod tests {
     }
 
     #[test]
-    fn sets_count_alike_and_their_errors_add_up_in_squares() {
-        let of = |mean, standard_error| Difference { mean, interval: None, standard_error, pairs: 10 };
-        let found = over_sets(&[of(0.1, Some(0.03)), of(0.3, Some(0.04)), of(9.0, None)]).expect("two");
-        assert!((found.mean - 0.2).abs() < 1e-12);
-        assert!((found.standard_error.expect("known") - 0.025).abs() < 1e-12);
-        assert!(found.is_separable() && found.pairs == 2);
+    fn sets_count_alike_and_few_seeds_stay_few() {
+        let of = |mean, standard_error, pairs| Difference { mean, interval: None, standard_error, pairs };
+        let found =
+            over_sets(&[of(0.1, Some(0.03), 10), of(0.3, Some(0.04), 10), of(9.0, None, 1)]).expect("two");
+        assert!((found.difference.mean - 0.2).abs() < 1e-12);
+        assert!((found.difference.standard_error.expect("known") - 0.025).abs() < 1e-12);
+        assert!(found.difference.is_separable() && found.sets == 2 && found.difference.pairs == 20);
+        // One set alone has the interval that it has by itself; sets without any spread add no certainty.
+        let pairs: Vec<(f64, f64)> = ONE.into_iter().zip(OTHER).take(3).collect();
+        let alone = paired_difference(&pairs).expect("some");
+        assert_eq!(over_sets(&[alone]).expect("one").difference, alone);
+        let with_ties = over_sets(&[alone, of(0.0, Some(0.0), 3)]).expect("two").difference;
+        let half = |of: Difference| of.interval.map(|[low, high]| high - low).expect("known");
+        assert!((half(with_ties) - half(alone) / 2.0).abs() < 1e-12);
     }
 }

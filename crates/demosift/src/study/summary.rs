@@ -10,7 +10,7 @@
 
 use serde::Serialize;
 
-use super::estimate::{self, Difference, Estimate, estimate, paired_difference};
+use super::estimate::{self, Difference, Estimate, OverSets, estimate, paired_difference};
 use super::plan::{Judge, Pool, Set, Study, TopK, top};
 use super::truth::{Against, Measure, Truth};
 use super::{Cost, Finished, TrainingResult};
@@ -24,7 +24,7 @@ pub struct Summary {
     /// One a set, in order.
     pub sets: Vec<SetSummary>,
     /// Differences of the first method and each other over all sets that know them, one a truth and other method.
-    pub over_sets: Vec<Compared>,
+    pub over_sets: Vec<ComparedOverSets>,
     /// One a pool and subset.
     pub pools: Vec<PoolSummary>,
     /// Failed cells, each with its error.
@@ -82,6 +82,16 @@ pub struct Compared {
     pub difference: Difference,
     /// Whether that can be told from luck.
     pub separable: bool,
+}
+
+/// A method beside another, over all sets that know both.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ComparedOverSets {
+    /// With the pairs of all these sets.
+    #[serde(flatten)]
+    pub compared: Compared,
+    /// How many sets.
+    pub sets: usize,
 }
 
 /// How much worse the policies are that a method's choice made.
@@ -248,7 +258,7 @@ fn compared(against: &Against, truth: &Truth, one: &Judged<'_>, other: &Judged<'
     })
 }
 
-fn over_sets(sets: &[SetSummary]) -> Vec<Compared> {
+fn over_sets(sets: &[SetSummary]) -> Vec<ComparedOverSets> {
     let all = || sets.iter().flat_map(|set| &set.differences);
     let same =
         |a: &Compared, b: &Compared| (&a.truth, &a.method, &a.other) == (&b.truth, &b.method, &b.other);
@@ -260,8 +270,9 @@ fn over_sets(sets: &[SetSummary]) -> Vec<Compared> {
     }
     let over = |kind: &&Compared| {
         let each: Vec<Difference> = all().filter(|of| same(kind, of)).map(|of| of.difference).collect();
-        let difference = estimate::over_sets(&each)?;
-        Some(Compared { difference, separable: difference.is_separable(), ..(*kind).clone() })
+        let OverSets { difference, sets } = estimate::over_sets(&each)?;
+        let compared = Compared { difference, separable: difference.is_separable(), ..(*kind).clone() };
+        Some(ComparedOverSets { compared, sets })
     };
     kinds.iter().filter_map(over).collect()
 }
