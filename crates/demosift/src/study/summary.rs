@@ -10,9 +10,11 @@
 
 use serde::Serialize;
 
+use super::choice::TopK;
 use super::estimate::{self, Difference, Estimate, OverSets, estimate, paired_difference};
-use super::plan::{Judge, Pool, Set, Study, TopK, top};
+use super::plan::{Judge, Pool, Set, Study};
 use super::truth::{Against, Measure, Truth};
+use super::work::top;
 use super::{Cost, Finished, TrainingResult};
 use crate::adapt::Rule;
 use crate::demonstration::DemoId;

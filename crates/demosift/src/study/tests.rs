@@ -1,5 +1,5 @@
-use super::plan::top;
 use super::summary::summarize;
+use super::work::top;
 use super::*;
 use crate::metrics;
 

@@ -4,7 +4,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::plan::{Set, Study, top};
+use super::plan::{Set, Study};
+use super::work::top;
 use super::{Finished, imitator_name};
 use crate::adapt::Rule;
 use crate::demonstration::DemoId;
