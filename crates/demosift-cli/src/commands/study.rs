@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use demosift::study::compact::{self, Compact};
 use demosift::study::make::{self, Means};
 use demosift::study::summary::{self, Summary};
-use demosift::study::{Cell, Finished, Found, Only, Study, Work};
+use demosift::study::{Cell, Finished, Found, Only, Work};
 use demosift::{Error, Result, files};
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::json;
@@ -28,8 +28,9 @@ pub(crate) fn run(arguments: &StudyArguments) -> Result<()> {
     let threads = threads(arguments.threads)?;
     let only = arguments.only.as_ref().map_or(Only::default(), |only| only.0.clone());
     let opened = study_file::open(&arguments.study, arguments.data.as_deref(), &only)?;
-    // Sets that are not there are not asked for.
-    let made = opened.study.only(&Only { sets: None, ..only }).map_err(|error| error.at(&arguments.study))?;
+    // The study is about the sets that are asked for and there.
+    let only = Only { sets: None, ..only };
+    opened.study.check_only(&only).map_err(|error| error.at(&arguments.study))?;
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("runs").join(&opened.study.name));
     let mut studied = Studied {
         folder: StudyFolder::look(out)?,
@@ -39,12 +40,12 @@ pub(crate) fn run(arguments: &StudyArguments) -> Result<()> {
     };
     if arguments.dry_run {
         studied.gather()?;
-        forecast(&studied, &made, arguments);
+        forecast(&studied, &only, arguments);
         return Ok(());
     }
     if !arguments.table {
         studied.folder.begin()?;
-        studied.make(&made, arguments.part, threads)?;
+        studied.make(&only, arguments.part, threads)?;
     }
     studied.gather()?;
     studied.tell(arguments)
@@ -96,12 +97,13 @@ impl Studied<'_> {
         &self.opened.sets[place.expect("the work is that of the study")]
     }
 
-    /// Makes all that is missing of `made`, in as many waves as it takes until nothing new is asked for.
-    fn make(&mut self, made: &Study, part: Option<Part>, threads: usize) -> Result<()> {
-        let from_start = made.work(&Finished::default());
+    /// Makes all that is missing, in as many waves as it takes until nothing new is asked for.
+    fn make(&mut self, only: &Only, part: Option<Part>, threads: usize) -> Result<()> {
+        let study = &self.opened.study;
+        let from_start = study.work_only(only, &Finished::default());
         loop {
             self.gather()?;
-            let mut missing = made.work(&self.finished);
+            let mut missing = study.work_only(only, &self.finished);
             missing.retain(|work| !self.finished.holds(work) && is_of_part(part, work, &from_start));
             if missing.is_empty() {
                 return Ok(());
@@ -250,9 +252,10 @@ fn processor_seconds() -> f64 {
 }
 
 /// `--dry-run`.
-fn forecast(studied: &Studied<'_>, made: &Study, arguments: &StudyArguments) {
-    let from_start = made.work(&Finished::default());
-    let mut missing = made.work(&studied.finished);
+fn forecast(studied: &Studied<'_>, only: &Only, arguments: &StudyArguments) {
+    let study = &studied.opened.study;
+    let from_start = study.work_only(only, &Finished::default());
+    let mut missing = study.work_only(only, &studied.finished);
     let there = missing.iter().filter(|work| studied.finished.holds(work)).count();
     missing.retain(|work| !studied.finished.holds(work) && is_of_part(arguments.part, work, &from_start));
     let mut kinds: Vec<tables::study::Kind> = Vec::new();
@@ -265,10 +268,10 @@ fn forecast(studied: &Studied<'_>, made: &Study, arguments: &StudyArguments) {
             None => kinds.push(tables::study::Kind { name, cells: 1, environment_steps: steps }),
         }
     }
-    let later = made.most_unknown_trainings(&studied.finished);
+    let later = study.most_unknown_trainings(only, &studied.finished);
     if arguments.json {
         terminal::show_json(&json!({
-            "study": made.name,
+            "study": study.name,
             "dry_run": true,
             "finished": there,
             "missing": kinds,

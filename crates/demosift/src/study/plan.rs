@@ -146,8 +146,14 @@ impl Only {
     pub const POOLS: &str = "pools";
     const KINDS: [&str; 3] = [Self::ORACLE, Self::REGRET, Self::POOLS];
 
-    fn names(&self, kind: &str) -> bool {
-        self.methods.as_ref().is_none_or(|named| named.iter().any(|name| name == kind))
+    /// Whether a method or a kind of trainings is to be done.
+    pub(super) fn names(&self, name: &str) -> bool {
+        self.methods.as_ref().is_none_or(|named| named.iter().any(|other| other == name))
+    }
+
+    /// Whether a set is to be judged.
+    pub(super) fn is_about(&self, set: &str) -> bool {
+        self.sets.as_ref().is_none_or(|named| named.iter().any(|other| other == set))
     }
 }
 
@@ -252,44 +258,30 @@ impl Study {
         part
     }
 
-    /// The part of the study whose work is to be done; a combination needs what it is made of.
+    /// Whether the names are those of the study.
     ///
     /// # Errors
-    /// `is_bad_config` if a name is unknown; says which there are.
-    pub fn only(&self, only: &Only) -> Result<Self> {
-        let mut part = match &only.sets {
-            Some(sets) => {
-                check_known("set", sets, self.set_names())?;
-                self.about(sets)
-            }
-            None => self.clone(),
+    /// `is_bad_config`; says which there are.
+    pub fn check_only(&self, only: &Only) -> Result<()> {
+        check_known("set", only.sets.as_deref().unwrap_or_default(), self.set_names())?;
+        let known = self.method_names().into_iter().chain(Only::KINDS).collect();
+        check_known("method", only.methods.as_deref().unwrap_or_default(), known)
+    }
+
+    /// Whether judging by a method is to be done: it is named, or what is named is made of it or keeps by it.
+    pub(super) fn needs(&self, only: &Only, judge: &Judge) -> bool {
+        let keeps_by = |method: &str| {
+            let choices = self.pools.iter().flat_map(|pool| &pool.subsets);
+            let mut keepers = choices.filter_map(|choice| match choice {
+                Choice::KeptBy { method, .. } => Some(method),
+                _ => None,
+            });
+            only.names(Only::POOLS) && keepers.any(|keeper| keeper == method)
         };
-        let Some(methods) = &only.methods else { return Ok(part) };
-        check_known("method", methods, self.method_names().into_iter().chain(Only::KINDS).collect())?;
-        if !only.names(Only::POOLS) {
-            part.pools.clear();
-        }
-        let kept_by = |judge: &Judge| {
-            let choices = part.pools.iter().flat_map(|pool| &pool.subsets);
-            choices
-                .into_iter()
-                .any(|choice| matches!(choice, Choice::KeptBy { method, .. } if *method == judge.name))
-        };
-        let wanted: Vec<&Judge> =
-            self.methods.iter().filter(|judge| methods.contains(&judge.name) || kept_by(judge)).collect();
-        let is_needed = |judge: &Judge| {
-            let made_of =
-                |other: &Judge| other.combination.as_ref().is_some_and(|of| of.of.contains(&judge.name));
-            wanted.iter().any(|other| other.name == judge.name || made_of(other))
-        };
-        part.methods = self.methods.iter().filter(|judge| is_needed(judge)).cloned().collect();
-        if !only.names(Only::ORACLE) {
-            part.oracle.clear();
-        }
-        if !only.names(Only::REGRET) {
-            part.regret = None;
-        }
-        Ok(part)
+        let is_wanted = |method: &Judge| only.names(&method.name) || keeps_by(&method.name);
+        let is_made_of =
+            |other: &Judge| other.combination.as_ref().is_some_and(|of| of.of.contains(&judge.name));
+        is_wanted(judge) || self.methods.iter().any(|other| is_made_of(other) && is_wanted(other))
     }
 }
 

@@ -100,7 +100,7 @@ fn work_is_named_once_and_the_cheapest_kind_comes_first() {
     assert!(matches!(&work[0], Work::Judging { method, .. } if method == "cloning"));
     assert!(matches!(&work[13], Work::Training { demos, seed: 1, .. } if demos == &ids(&[3])));
     // 4 x 2 of the oracle can be named; regret asks for the best and the top of three methods x three seeds, at two K.
-    assert_eq!(study.most_unknown_trainings(&Finished::default()), 2 * 10 * 2);
+    assert_eq!(study.most_unknown_trainings(&Only::default(), &Finished::default()), 2 * 10 * 2);
 }
 
 #[test]
@@ -274,20 +274,29 @@ fn choices_are_written_as_they_are_read() {
 
 #[test]
 fn a_part_of_a_study_has_what_it_needs_and_no_more() {
-    let study = study();
-    let only = |methods: &[&str]| {
-        let methods = Some(methods.iter().map(|&name| name.to_owned()).collect());
-        study.only(&Only { sets: None, methods })
+    let (study, finished) = (study(), finished());
+    let only = |methods: &[&str]| Only {
+        sets: None,
+        methods: Some(methods.iter().map(|&name| name.to_owned()).collect()),
     };
-    let part = only(&["both"]).expect("known");
-    assert_eq!((part.methods.len(), part.oracle.len(), part.regret), (3, 0, None));
-    let part = only(&["paper", "oracle"]).expect("known");
-    assert_eq!(part.work(&Finished::default()).len(), 3 + 8);
-    let error = only(&["papier"]).expect_err("unknown").to_string();
-    assert!(
-        error.contains("no method 'papier'; it has: paper, cloning, both, oracle, regret, pools"),
-        "{error}"
-    );
+    let count = |methods: &[&str], finished: &Finished| study.work_only(&only(methods), finished).len();
+    let nothing = Finished::default();
+    assert_eq!(count(&["both"], &nothing), 6, "a combination needs its parts");
+    assert_eq!(count(&["paper", "oracle"], &nothing), 3 + 8);
+    // By the oracle, which is not made here, the best one is 3 and the best two are {2, 3}; the paper's first are 3, 3 and 0,
+    // and its first two {2, 3}, {1, 3} and {0, 2}.
+    assert_eq!(count(&["paper", "regret"], &finished), 3 + 2 * (2 + 3));
+    assert_eq!(study.most_unknown_trainings(&only(&["paper", "regret"]), &nothing), 2 * 4 * 2);
+    let elsewhere = Only { sets: Some(vec!["five".to_owned()]), methods: None };
+    assert_eq!(study.work_only(&elsewhere, &nothing), []);
+    for (only, wanted) in [
+        (only(&["papier"]), "no method 'papier'; it has: paper, cloning, both, oracle, regret, pools"),
+        (elsewhere, "no set 'five'; it has: four"),
+    ] {
+        let error = study.check_only(&only).expect_err("unknown").to_string();
+        assert!(error.contains(wanted), "{error}");
+    }
+    study.check_only(&only(&["both", "pools"])).expect("known");
 }
 
 #[test]

@@ -1,9 +1,11 @@
 //! Which work a study is, as far as it can be known: trainings on subsets depend on what judging found.
 
+use std::collections::BTreeSet;
+
 use rand::seq::IndexedRandom as _;
 
 use super::choice::{Choice, TopK};
-use super::plan::{Combination, Judge, Regret, Rule, Set, Study};
+use super::plan::{Combination, Judge, Only, Regret, Rule, Set, Study};
 use super::{Finished, Work};
 use crate::adapt;
 use crate::demonstration::DemoId;
@@ -14,35 +16,43 @@ use crate::seed::Seed;
 impl Study {
     /// All work that can be named by now, the cheapest kind first: judging by cloning, other judging, trainings.
     pub fn work(&self, finished: &Finished) -> Vec<Work> {
+        self.work_only(&Only::default(), finished)
+    }
+
+    /// The part of it that is to be done.
+    pub fn work_only(&self, only: &Only, finished: &Finished) -> Vec<Work> {
+        let sets: Vec<&Set> = self.sets.iter().filter(|set| only.is_about(&set.name)).collect();
         let mut work = Vec::new();
         let mut methods: Vec<&Judge> =
             self.methods.iter().filter(|method| method.combination.is_none()).collect();
+        methods.retain(|method| self.needs(only, method));
         methods.sort_by_key(|method| !method.clones);
         for method in methods {
-            for set in &self.sets {
-                let (name, judge) = (&set.name, &method.name);
-                work.extend(set.seeds.each().map(|seed| Work::Judging {
-                    set: name.clone(),
-                    method: judge.clone(),
-                    seed,
-                }));
+            for set in &sets {
+                let judging =
+                    |seed| Work::Judging { set: set.name.clone(), method: method.name.clone(), seed };
+                work.extend(set.seeds.each().map(judging));
             }
         }
-        let mut trainings = Vec::new();
         for imitator in [adapt::Rule::BehavioralCloning, adapt::Rule::Gail] {
-            for set in &self.sets {
-                let before = trainings.len();
-                self.oracle_work(set, imitator, &mut trainings);
-                self.regret_work(set, imitator, finished, &mut trainings);
-                self.pool_work(set, imitator, finished, &mut trainings);
+            for set in &sets {
                 // The same subset may be asked for several times.
-                let mut seen = std::collections::BTreeSet::new();
-                let kept: Vec<Work> =
-                    trainings.split_off(before).into_iter().filter(|work| seen.insert(work.name())).collect();
-                trainings.extend(kept);
+                let mut seen = BTreeSet::new();
+                let mut trainings = Vec::new();
+                if only.names(Only::ORACLE) {
+                    self.oracle_work(set, imitator, &mut trainings);
+                }
+                if only.names(Only::REGRET) {
+                    let methods: Vec<&Judge> =
+                        self.methods.iter().filter(|method| only.names(&method.name)).collect();
+                    self.regret_work(set, &methods, imitator, finished, &mut trainings);
+                }
+                if only.names(Only::POOLS) {
+                    self.pool_work(set, imitator, finished, &mut trainings);
+                }
+                work.extend(trainings.into_iter().filter(|work| seen.insert(work.name())));
             }
         }
-        work.extend(trainings);
         work
     }
 
@@ -55,13 +65,20 @@ impl Study {
         }
     }
 
-    fn regret_work(&self, set: &Set, imitator: adapt::Rule, finished: &Finished, work: &mut Vec<Work>) {
+    fn regret_work(
+        &self,
+        set: &Set,
+        methods: &[&Judge],
+        imitator: adapt::Rule,
+        finished: &Finished,
+        work: &mut Vec<Work>,
+    ) {
         let Some(regret) = self.regret_of(set).filter(|regret| regret.imitators.contains(&imitator)) else {
             return;
         };
         for k in TopK::all_of(&regret.at, set.demonstrations) {
             let best = self.truly_best(set, imitator, k, finished);
-            let tops = self.methods.iter().flat_map(|method| {
+            let tops = methods.iter().flat_map(|method| {
                 set.seeds.each().filter_map(|seed| Some(top(&self.scores(set, method, seed, finished)?, k)))
             });
             for demos in best.into_iter().chain(tops) {
@@ -85,21 +102,25 @@ impl Study {
         self.regret.as_ref().filter(|_| set.regret)
     }
 
-    /// How many trainings there may be at most besides those that [`Study::work`] can name by now.
-    pub fn most_unknown_trainings(&self, finished: &Finished) -> usize {
-        let named = self.work(finished).iter().filter(|work| matches!(work, Work::Training { .. })).count();
+    /// How many trainings there may be at most besides those that [`Study::work_only`] can name by now.
+    pub fn most_unknown_trainings(&self, only: &Only, finished: &Finished) -> usize {
+        let work = self.work_only(only, finished);
+        let named = work.iter().filter(|work| matches!(work, Work::Training { .. })).count();
+        let methods = self.methods.iter().filter(|method| only.names(&method.name)).count();
         let mut most = 0;
-        for set in &self.sets {
-            let imitations = self.oracle.len() * set.demonstrations * set.oracle_seeds.count;
-            let subsets = self.methods.len() * set.seeds.count + 1;
-            let regret = self.regret_of(set).map_or(0, |regret| {
+        for set in self.sets.iter().filter(|set| only.is_about(&set.name)) {
+            if only.names(Only::ORACLE) {
+                most += self.oracle.len() * set.demonstrations * set.oracle_seeds.count;
+            }
+            if let Some(regret) = self.regret_of(set).filter(|_| only.names(Only::REGRET)) {
+                let subsets = methods * set.seeds.count + 1;
                 let ks = TopK::all_of(&regret.at, set.demonstrations).len();
-                regret.imitators.len() * ks * subsets * regret.trainings.count
-            });
-            let pools = self.pools.iter().filter(|pool| pool.set == set.name);
-            most += imitations
-                + regret
-                + pools.map(|pool| pool.subsets.len() * pool.trainings.count).sum::<usize>();
+                most += regret.imitators.len() * ks * subsets * regret.trainings.count;
+            }
+            if only.names(Only::POOLS) {
+                let pools = self.pools.iter().filter(|pool| pool.set == set.name);
+                most += pools.map(|pool| pool.subsets.len() * pool.trainings.count).sum::<usize>();
+            }
         }
         most.saturating_sub(named)
     }
