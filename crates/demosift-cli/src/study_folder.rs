@@ -61,7 +61,7 @@ fn entering(work: &Work, opened: &OpenedSet) -> Value {
     let (config, enters): (&Config, fn(&str) -> bool) = match work {
         Work::Training { .. } => (&opened.training, |key| ["policy", "imitate"].contains(&key)),
         Work::Judging { method, .. } => {
-            (opened.of_method(method), |key| !["seed", "keep", "imitate", "subset_selection"].contains(&key))
+            (opened.of_method(method), |key| !["seed", "imitate", "subset_selection"].contains(&key))
         }
     };
     let mut values = serde_json::to_value(config).expect("a configuration is plain data");

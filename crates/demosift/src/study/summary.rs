@@ -162,7 +162,7 @@ pub fn summarize(study: &Study, finished: &Finished) -> Summary {
     let work = study.work(finished);
     Summary {
         over_sets: over_sets(&sets),
-        pools: study.pools.iter().flat_map(|pool| of_pool(study, pool, finished)).collect(),
+        pools: pools(study, finished),
         failures: finished.failures(),
         finished: [work.iter().filter(|work| finished.holds(work)).count(), work.len()],
         sets,
@@ -342,6 +342,11 @@ fn costs(set: &Set, method: &Judge, finished: &Finished) -> Option<Costs> {
         adapted_behaviors_distance: method.combination.is_none().then(|| metrics::mean(&distances)),
         seeds: seeds.len(),
     })
+}
+
+/// The trainings of all pools that are finished.
+pub fn pools(study: &Study, finished: &Finished) -> Vec<PoolSummary> {
+    study.pools.iter().flat_map(|pool| of_pool(study, pool, finished)).collect()
 }
 
 fn of_pool(study: &Study, pool: &Pool, finished: &Finished) -> Vec<PoolSummary> {
