@@ -104,7 +104,12 @@ pub(crate) struct JobArguments {
     /// under it alone [default: all]
     #[arg(long, value_name = "NAME")]
     pub(crate) variant: Option<String>,
-    /// How the agent is prepared to imitate; all methods may spend the same environment steps [default: maml]
+    /// Who judges: an agent that clones each demonstration, in seconds; the paper's, which learns to imitate first; or both,
+    /// and the first whose repeats agree decides [default: both]
+    #[arg(long, value_enum)]
+    pub(crate) judge: Option<JudgesName>,
+    /// How the agent of the paper's judge is prepared to imitate; all methods may spend the same environment steps
+    /// [default: maml]
     #[arg(long, value_enum)]
     pub(crate) method: Option<MethodName>,
     /// How much to spend [default: standard]
@@ -400,6 +405,7 @@ impl ReportArguments {
             source,
             keep: None,
             variant: None,
+            judge: None,
             method: None,
             preset: None,
             run,
@@ -452,7 +458,7 @@ pub(crate) struct TasksArguments {
 pub(crate) enum PresetName {
     /// Minutes; proves that it runs, and ranks roughly
     Quick,
-    /// Half an hour a set on two cores
+    /// Minutes too, but several times as many; what the result pages use
     Standard,
     /// The paper's values
     Paper,
@@ -464,6 +470,28 @@ impl From<PresetName> for Preset {
             PresetName::Quick => Self::Quick,
             PresetName::Standard => Self::Standard,
             PresetName::Paper => Self::Paper,
+        }
+    }
+}
+
+/// [`demosift::panel::Judges`] as it is typed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum JudgesName {
+    /// Clone each demonstration from scratch, several times
+    Cloning,
+    /// Adapt what was learned from the whole set, as the paper does
+    Paper,
+    /// Cloning first, then the paper's
+    Both,
+}
+
+impl JudgesName {
+    /// As a configuration names them.
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            Self::Cloning => "cloning",
+            Self::Paper => "paper",
+            Self::Both => "both",
         }
     }
 }

@@ -66,7 +66,9 @@ use crate::select::{self, Keep, Ranking, Subset};
 use crate::subset_selection::{self, Means, SubsetSelection, Weighing, WeighingState};
 use crate::uncertainty::Uncertainty;
 
-pub use judging::{check_budget, judging_seed, panel, plan, prior, scores};
+pub use judging::{
+    check_budget, first_start, hand_on, judging, judging_seed, opinion, panel, plan, prior, scores,
+};
 pub use checks::{check, check_demonstrator, check_fits, check_has_weights};
 pub use keeping::Keeping;
 pub(crate) use judging::{cloning_update, information, learning_seed};

@@ -96,6 +96,17 @@ pub struct Judged {
     pub adapted: Vec<AdaptedPolicy>,
 }
 
+impl Judged {
+    /// What was found under one variant, for a task of that variant alone, where it is number 0.
+    pub fn under(&self, variant: EnvVariant) -> Self {
+        let adapted = self.adapted.iter().filter(|adapted| adapted.variant == variant);
+        let mut under = Self { scores: self.scores.under(variant), adapted: adapted.cloned().collect() };
+        under.scores.suitabilities.iter_mut().for_each(|of| of.variant = EnvVariant(0));
+        under.adapted.iter_mut().for_each(|adapted| adapted.variant = EnvVariant(0));
+        under
+    }
+}
+
 impl Suitability {
     /// S_{v|e} = K(τ after) − K(τ before), means over seeds and repeats (Eq. 8).
     pub fn score(&self) -> Score {

@@ -4,11 +4,14 @@ use super::{Config, Keeping, Run, cut, stage_name};
 use crate::adapt::{InnerUpdate, Learner, MetaPrior, Rule};
 use crate::artifact::Artifact;
 use crate::demonstration::DemonstrationSet;
-use crate::error::Result;
+use crate::environment::EnvVariant;
+use crate::error::{Error, Result};
 use crate::judge::{self, Judged, Judging, JudgingState, ScoreTable, Start, Trial};
+use crate::ledger::Ledger;
 use crate::meta_train::{self, MetaState, MetaTraining, MutualInformation};
 use crate::method::{self, Asked, Method, Plan};
-use crate::panel::{self, Found, Judge, Panel};
+use crate::panel::{self, Found, Judge, Judges, Opinion, Panel};
+use crate::policy::Policy;
 use crate::pre_train::{self, PreTrainState, PreTraining};
 use crate::rollout::Playground;
 use crate::seed::Seed;
@@ -101,27 +104,52 @@ pub fn scores(run: &mut Run<'_>, judge: Judge) -> Result<ScoreTable> {
     }
     match judge {
         Judge::Cloning => {
-            let (inner, hidden) = (cloning_update(run.config), &run.config.meta_train.discriminator_hidden);
-            let start = Start::Untrained { shape: &run.config.policy, discriminator_hidden: hidden };
-            let judging = run.config.cloning_judge.judging.clone();
-            judged(run, judge, start, (&judging, &inner))
+            let (start, inner) = (untrained(run.config), cloning_update(run.config));
+            judged(run, judge, start, &inner)
         }
         Judge::Paper => {
             let prior = prior(run)?;
-            let judging = Judging { iterations: plan(run).iterations, ..run.config.judge.clone() };
-            let inner = run.config.inner.clone();
-            judged(run, judge, Start::Prior(&prior), (&judging, &inner))
+            judged(run, judge, Start::Prior(&prior), &run.config.inner)
         }
     }
 }
 
+/// How a judge judges; that of the paper makes as many updates as its method's budget pays for.
+pub fn judging(run: &Run<'_>, judge: Judge) -> Judging {
+    match judge {
+        Judge::Cloning => run.config.cloning_judge.judging.clone(),
+        Judge::Paper => Judging { iterations: plan(run).iterations, ..run.config.judge.clone() },
+    }
+}
+
+/// The policy from which the first repeats of a judge start.
+///
+/// # Errors
+/// Bad input if the prior is gone that the judge of the paper started from.
+pub fn first_start(run: &Run<'_>, judge: Judge) -> Result<Policy> {
+    let seed = judging_seed(run.config, judge);
+    let policy = |start: Start<'_>| start.learner(run.set, 0, &seed).policy.clone();
+    match judge {
+        Judge::Cloning => Ok(policy(untrained(run.config))),
+        Judge::Paper => {
+            let prior = MetaPrior::recall(run.ledger, "")?
+                .ok_or_else(|| Error::bad_input("the run folder holds no prior.safetensors any more"))?;
+            Ok(policy(Start::Prior(&prior)))
+        }
+    }
+}
+
+/// From what the judge by cloning starts.
+fn untrained(config: &Config) -> Start<'_> {
+    Start::Untrained {
+        shape: &config.policy,
+        discriminator_hidden: &config.meta_train.discriminator_hidden,
+    }
+}
+
 /// Algorithm 2.
-fn judged(
-    run: &mut Run<'_>,
-    judge: Judge,
-    start: Start<'_>,
-    (judging, inner): (&Judging, &InnerUpdate),
-) -> Result<ScoreTable> {
+fn judged(run: &mut Run<'_>, judge: Judge, start: Start<'_>, inner: &InnerUpdate) -> Result<ScoreTable> {
+    let judging = &judging(run, judge);
     let (cut, part, seed) = (cut(run), judge.name(), judging_seed(run.config, judge));
     let Run { set, playground, ledger, observer, .. } = run;
     let anew = || Ok(JudgingState::default());
@@ -137,13 +165,36 @@ pub fn judging_seed(config: &Config, judge: Judge) -> Seed {
     Seed::new(config.seed).of(&stage_name(judge::STAGE, judge.name()))
 }
 
+/// Gives a run about one goal what a run about all of them has found out: the prior, and what each judge found under this
+/// goal (Eq. 9 is taken per goal). What the run about one goal has already stays.
+pub fn hand_on(from: &dyn Ledger, to: &mut dyn Ledger, goal: EnvVariant) -> Result<()> {
+    if let (Some(prior), None) = (MetaPrior::recall(from, "")?, MetaPrior::recall(to, "")?) {
+        prior.keep(to, "")?;
+    }
+    for judge in Judges::Both.each() {
+        let name = judge.name();
+        if let (Some(judged), None) = (Judged::recall(from, name)?, Judged::recall(to, name)?) {
+            judged.under(goal).keep(to, name)?;
+        }
+    }
+    Ok(())
+}
+
 /// What the judges say that are asked; whoever has not judged yet does it now.
 pub fn panel(run: &mut Run<'_>) -> Result<Panel> {
-    let each = run.config.judges.each();
-    let tables = each.iter().map(|judge| scores(run, *judge)).collect::<Result<Vec<_>>>()?;
-    let found: Vec<Found<'_>> =
-        each.iter().zip(&tables).map(|(&judge, scores)| Found { judge, scores }).collect();
-    let panel = panel::panel(&found, cut(run), &Seed::new(run.config.seed).of("panel"))?;
+    let panel = panel_of(run, run.config.judges.each())?;
     panel.keep(run.ledger, "")?;
     Ok(panel)
+}
+
+/// What one judge says.
+pub fn opinion(run: &mut Run<'_>, judge: Judge) -> Result<Opinion> {
+    Ok(panel_of(run, &[judge])?.deciding().clone())
+}
+
+fn panel_of(run: &mut Run<'_>, judges: &[Judge]) -> Result<Panel> {
+    let tables = judges.iter().map(|judge| scores(run, *judge)).collect::<Result<Vec<_>>>()?;
+    let found: Vec<Found<'_>> =
+        judges.iter().zip(&tables).map(|(&judge, scores)| Found { judge, scores }).collect();
+    panel::panel(&found, cut(run), &Seed::new(run.config.seed).of("panel"))
 }

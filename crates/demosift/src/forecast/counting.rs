@@ -10,7 +10,7 @@ use crate::demonstrator::{self, DemonstratorState, Stage};
 use crate::error::Result;
 use crate::experiment::{self, Run, begun, stage_name};
 use crate::imitate::{self, ImitationState, LearningCurve};
-use crate::judge::{self, Cost, Judged, Judging, JudgingState};
+use crate::judge::{self, Cost, Judged, JudgingState};
 use crate::ledger::Ledger;
 use crate::meta_train::{self, MetaState, MetaTraining};
 use crate::method::Method;
@@ -214,15 +214,14 @@ fn scores(run: &Run<'_>, judge: Judge) -> Result<Option<Planned>> {
     if Judged::recall(run.ledger, judge.name())?.is_some() {
         return Ok(None);
     }
+    let judging = &experiment::judging(run, judge);
     let whole = match judge {
         Judge::Cloning => {
-            let (judging, inner) =
-                (&run.config.cloning_judge.judging, &experiment::cloning_update(run.config));
+            let inner = &experiment::cloning_update(run.config);
             judged(run, judge, &Cost { judging, inner, starts_anew: true })
         }
         Judge::Paper => {
-            let judging = Judging { iterations: experiment::plan(run).iterations, ..run.config.judge.clone() };
-            judged(run, judge, &Cost { judging: &judging, inner: &run.config.inner, starts_anew: false })
+            judged(run, judge, &Cost { judging, inner: &run.config.inner, starts_anew: false })
         }
     };
     let total = whole.units;
