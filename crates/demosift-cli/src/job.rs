@@ -8,6 +8,7 @@ use demosift::data_only::DataOnly;
 use demosift::demonstration::{self, DemonstrationSet};
 use demosift::experiment::{self, Config, Run};
 use demosift::method::{Costs, Method};
+use demosift::panel::Judge;
 use demosift::preset::Preset;
 use demosift::rollout::Playground;
 use demosift::select::Keep;
@@ -38,6 +39,8 @@ pub(crate) struct Job {
     path: PathBuf,
     data: Data,
     chosen: Chosen,
+    /// The configuration as it is written down.
+    values: Table,
     config: Config,
     folder: RunFolder,
     progress: Progress,
@@ -68,17 +71,20 @@ impl Job {
             let layer = Table::from_iter([("keep".to_owned(), toml::Value::String(keep.to_string()))]);
             configuration::apply(&mut values, &Layer { source: "--keep".to_owned(), values: layer })?;
         }
-        if let Some(method) = arguments.method {
-            let name = Method::from(method).to_string();
-            let layer = Table::from_iter([("method".to_owned(), toml::Value::String(name))]);
-            configuration::apply(&mut values, &Layer { source: "--method".to_owned(), values: layer })?;
+        let method = arguments.method.map(|method| Method::from(method).to_string());
+        let judges = arguments.judge.map(|judges| judges.word().to_owned());
+        for (key, option, word) in [("method", "--method", method), ("judges", "--judge", judges)] {
+            let Some(word) = word else { continue };
+            let layer = Table::from_iter([(key.to_owned(), toml::Value::String(word))]);
+            configuration::apply(&mut values, &Layer { source: option.to_owned(), values: layer })?;
         }
         let values = configuration::of_job(values);
         let config: Config = configuration::typed(values.clone())?;
         experiment::check(&set, plan.chosen.task.specification(), &config)
             .map_err(|error| if error.is_bad_input() { error.at(&path) } else { error })?;
         check(&set, &config)?;
-        if prior == Prior::Needed && !plan.holds_prior()? {
+        let asks_for_it = config.judges.each().contains(&Judge::Paper) || config.keep == Keep::Weights;
+        if prior == Prior::Needed && asks_for_it && !plan.holds_prior()? {
             experiment::check_budget(&set, &Playground::new(plan.chosen.task.as_ref()), &config)?;
         }
         let folder = plan.open_folder(Some(data.clone()), &values, arguments.run.dry_run)?;
@@ -86,7 +92,30 @@ impl Job {
             true => Progress::of_bar_only(),
             false => Progress::new(MetricsFile::open(folder.path())?),
         };
-        Ok(Self { set, path, data, chosen: plan.chosen, config, folder, progress })
+        Ok(Self { set, path, data, chosen: plan.chosen, values, config, folder, progress })
+    }
+
+    /// The same job for one of the task's several goals, in a folder of its own within that of this one; it starts from what
+    /// is known here of that goal.
+    pub(crate) fn for_goal(&self, goal: &str) -> Result<Self> {
+        let chosen = task::choose(&self.chosen.name)?.under(goal)?;
+        let out = self.folder.path().join(goal);
+        let begun = run_folder::look_into(&out, true)?;
+        let identity = identity(&chosen, Some(self.data.clone()));
+        let mut folder = RunFolder::open(out, begun.as_ref(), &identity, &self.values)?;
+        let variant = self.chosen.task.specification().variant(goal)?;
+        experiment::hand_on(&self.folder, &mut folder, variant)?;
+        let progress = Progress::new(MetricsFile::open(folder.path())?);
+        Ok(Self {
+            set: self.set.clone(),
+            path: self.path.clone(),
+            data: self.data.clone(),
+            chosen,
+            values: self.values.clone(),
+            config: self.config.clone(),
+            folder,
+            progress,
+        })
     }
 
     /// Does a part of the job.
@@ -225,15 +254,20 @@ impl Plan {
 
     /// Begins the run, or goes on with the one that is there; a dry run only looks whether that could be done.
     pub(crate) fn open_folder(&self, data: Option<Data>, values: &Table, dry: bool) -> Result<RunFolder> {
-        let identity = Identity {
-            demosift: env!("CARGO_PKG_VERSION").to_owned(),
-            task: self.chosen.name.clone(),
-            task_sha256: self.chosen.sha256.clone(),
-            variant: self.chosen.variant.clone(),
-            data,
-        };
+        let identity = identity(&self.chosen, data);
         let open = if dry { RunFolder::look } else { RunFolder::open };
         open(self.out.clone(), self.begun.as_ref(), &identity, values)
+    }
+}
+
+/// What a run depends on, besides its configuration.
+fn identity(chosen: &Chosen, data: Option<Data>) -> Identity {
+    Identity {
+        demosift: env!("CARGO_PKG_VERSION").to_owned(),
+        task: chosen.name.clone(),
+        task_sha256: chosen.sha256.clone(),
+        variant: chosen.variant.clone(),
+        data,
     }
 }
 

@@ -30,6 +30,7 @@ returns = [1, 4, 2, 3]
 [[methods]]
 name = "paper"
 [methods.values]
+judges = "paper"
 inner.batch_steps = 120
 meta_train.rounds = 2
 judge = { iterations = 2, evaluations = 3 }
@@ -37,10 +38,8 @@ judge = { iterations = 2, evaluations = 3 }
 name = "cloning"
 clones = true
 [methods.values]
-method = "from-scratch"
-meta_train.rounds = 2
-inner.imitation = "behavioral_cloning"
-judge = { iterations = 2, evaluations = 3, acting = "mean" }
+judges = "cloning"
+cloning_judge.judging = { iterations = 2, repeats = 1, most_repeats = 0, evaluations = 3, acting = "mean" }
 [[methods]]
 name = "mean of ranks"
 rule = "ranks"
@@ -207,10 +206,9 @@ fn cells_of_something_else_are_not_believed_and_kept() {
 #[test]
 fn a_cell_that_fails_is_told_and_stops_no_other() {
     let scratch = scratch("study-fails");
-    let diverging = STUDY.replace("ADD", "").replace(
-        "inner.imitation = \"behavioral_cloning\"",
-        "inner.imitation = \"behavioral_cloning\"\ninner.cloning.learning_rate = 1e30",
-    );
+    let diverging = STUDY
+        .replace("ADD", "")
+        .replace("judges = \"cloning\"", "judges = \"cloning\"\ncloning_judge.cloning.learning_rate = 1e30");
     fs::write(scratch.0.join("tiny.toml"), diverging).unwrap();
     let told = scratch.succeed("study tiny.toml --out run --only four").replace("\n", " ");
     assert!(told.contains("The cell judging_four_cloning_0 failed: "), "{told}");
@@ -331,7 +329,7 @@ fn each_mistake_of_a_user_is_told() {
         (
             "evaluations = 3, acting",
             "evaluations = 0, acting",
-            vec!["the method 'cloning'", "judge.evaluations = 0"],
+            vec!["the method 'cloning'", "cloning_judge.judging.evaluations = 0"],
         ),
         (
             "cloning_updates = 4",

@@ -9,6 +9,7 @@ use demosift::judge::ScoreTable;
 use demosift::ledger::InMemory;
 use demosift::meta_train::Order;
 use demosift::observer::Silent;
+use demosift::panel::Judge;
 use demosift::point_mass::{PointMass, planted_set};
 use demosift::preset::Preset;
 use demosift::rollout::Playground;
@@ -62,8 +63,7 @@ fn after_one_update(config: &Config) -> demosift::Result<(f64, f64)> {
         ledger: &mut InMemory::default(),
         observer: &mut Silent,
     };
-    let prior = experiment::prior(run)?;
-    let ScoreTable { suitabilities } = experiment::scores(run, &prior)?;
+    let ScoreTable { suitabilities } = experiment::scores(run, Judge::Paper)?;
     let own: Vec<_> = suitabilities.iter().filter(|one| one.variant.0 == one.demo.0).collect();
     let updates = own.iter().flat_map(|one| &one.curves).map(|curve| &curve[0]);
     let losses: Vec<f64> = updates.filter_map(|update| update.cloning_loss_after).collect();

@@ -23,6 +23,7 @@ use crate::method::Spent;
 use crate::nn::mlp::Mlp;
 use crate::observation_filter::ObservationFilter;
 use crate::observer::Snapshot;
+use crate::panel::Panel;
 use crate::policy::Policy;
 use crate::select::{Ranking, Subset};
 use crate::subset_selection::Weighing;
@@ -93,7 +94,8 @@ json_artifact!(
     Uncertainty => "uncertainty.json",
     Subset => "subset.json",
     DataOnly => "data_only.json",
-    Weighing => "weights.json"
+    Weighing => "weights.json",
+    Panel => "panel.json"
 );
 
 /// What a stage spent; the part is its name.
@@ -107,20 +109,21 @@ impl Artifact for Spent {
     }
 }
 
-/// S of all as JSON, and beside it every adapted policy.
+/// S of all by one judge, whose name is the part, as JSON, and beside it every adapted policy.
 impl Artifact for Judged {
-    fn keep(&self, ledger: &mut dyn Ledger, _: &str) -> Result<()> {
+    fn keep(&self, ledger: &mut dyn Ledger, judge: &str) -> Result<()> {
         let tensors = self.adapted.iter().flat_map(|AdaptedPolicy { demo, variant, policy }| {
             policy_tensors(&adapted_prefix(*variant, *demo), policy)
         });
-        ledger.keep(ADAPTED, &write_tensors(&tensors.collect::<Vec<_>>()))?;
-        keep_json(ledger, "scores.json", &self.scores)
+        ledger.keep(&adapted_name(judge), &write_tensors(&tensors.collect::<Vec<_>>()))?;
+        keep_json(ledger, &scores_name(judge), &self.scores)
     }
 
-    fn recall(ledger: &dyn Ledger, _: &str) -> Result<Option<Self>> {
-        let scores: Option<ScoreTable> = recall_json(ledger, "scores.json")?;
-        let (Some(scores), Some(bytes)) = (scores, ledger.recall(ADAPTED)?) else { return Ok(None) };
-        let tensors = Tensors::read(&bytes, ADAPTED)?;
+    fn recall(ledger: &dyn Ledger, judge: &str) -> Result<Option<Self>> {
+        let name = adapted_name(judge);
+        let scores: Option<ScoreTable> = recall_json(ledger, &scores_name(judge))?;
+        let (Some(scores), Some(bytes)) = (scores, ledger.recall(&name)?) else { return Ok(None) };
+        let tensors = Tensors::read(&bytes, &name)?;
         let adapted = |of: &Suitability| {
             let (demo, variant) = (of.demo, of.variant);
             let policy = tensors.policy(&adapted_prefix(variant, demo))?;
@@ -131,7 +134,13 @@ impl Artifact for Judged {
     }
 }
 
-const ADAPTED: &str = "adapted.safetensors";
+fn scores_name(judge: &str) -> String {
+    format!("scores_{judge}.json")
+}
+
+fn adapted_name(judge: &str) -> String {
+    format!("adapted_{judge}.safetensors")
+}
 
 /// Under which names an adapted policy's tensors stand.
 fn adapted_prefix(variant: EnvVariant, demo: DemoId) -> String {
@@ -453,17 +462,18 @@ mod tests {
             let policy = learner().policy;
             let moved = policy.moved(&vec![shift; policy.parameters().len()]);
             let (demo, variant) = (DemoId(demo), EnvVariant(1));
-            let (before, after, distances) = (vec![0.5], vec![vec![0.1 + 0.2]], vec![3.25]);
+            let (before, after, distances) = (vec![vec![0.5]], vec![vec![0.1 + 0.2]], vec![3.25]);
             let suitability = Suitability { demo, variant, before, after, distances, curves: vec![vec![]] };
             (suitability, AdaptedPolicy { demo, variant, policy: moved })
         };
         let (suitabilities, adapted) = [of(0, 0.1), of(1, -0.2)].into_iter().unzip();
         let judged = Judged { scores: ScoreTable { suitabilities }, adapted };
         let mut ledger = InMemory::default();
-        judged.keep(&mut ledger, "").expect("memory");
-        assert_eq!(Judged::recall(&ledger, "").expect("readable"), Some(judged));
-        ledger.forget(ADAPTED).expect("memory");
-        assert_eq!(Judged::recall(&ledger, "").expect("readable"), None, "it is judged again");
+        judged.keep(&mut ledger, "paper").expect("memory");
+        assert_eq!(Judged::recall(&ledger, "cloning").expect("readable"), None, "another judge");
+        assert_eq!(Judged::recall(&ledger, "paper").expect("readable"), Some(judged));
+        ledger.forget(&adapted_name("paper")).expect("memory");
+        assert_eq!(Judged::recall(&ledger, "paper").expect("readable"), None, "it is judged again");
     }
 
     #[test]

@@ -6,13 +6,13 @@
 //! [`sift`] is the whole job, shown on the first page of this crate; its stages can be taken one by one:
 //!
 //! ```
-//! use demosift::experiment::{Run, prior, scores, selection};
+//! use demosift::experiment::{Run, panel, scores, selection};
 //! use demosift::ledger::InMemory;
 //! use demosift::observer::Silent;
 //! use demosift::point_mass::{PointMass, planted_set};
 //! use demosift::preset::Preset;
 //! use demosift::rollout::Playground;
-//! use demosift::{seed::Seed, select::Keep};
+//! use demosift::{panel::Judge, seed::Seed, select::Keep};
 //!
 //! let (set, task) = (planted_set(&[150.0, 5.0, -120.0, -10.0], Seed::new(1))?, PointMass::new());
 //! let playground = Playground::new(&task);
@@ -27,44 +27,50 @@
 //!     observer: &mut Silent,
 //! };
 //!
-//! let learner = prior(&mut run)?; // Algorithm 1
-//! let table = scores(&mut run, &learner)?; // Algorithm 2
-//! let selected = selection(&mut run, &table)?; // Eq. 9
+//! let table = scores(&mut run, Judge::Paper)?; // Algorithms 1 and 2
+//! let said = panel(&mut run)?; // both judges beside each other
+//! let selected = selection(&mut run, &said)?; // Eq. 9
 //! assert!(selected.subset.demos.iter().all(|demo| [1, 3].contains(&demo.0)));
 //!
 //! // The ledger has all of it now, so asking again plays nothing.
 //! let played = playground.steps_taken();
-//! assert_eq!(scores(&mut run, &learner)?, table);
+//! assert_eq!(scores(&mut run, Judge::Paper)?, table);
 //! assert_eq!(playground.steps_taken(), played);
 //! # Ok::<(), demosift::Error>(())
 //! ```
 
 mod checks;
+mod judging;
 mod keeping;
 
 use serde::{Deserialize, Serialize};
 
-use crate::adapt::{InnerUpdate, Learner, MetaPrior};
+use crate::adapt::{InnerUpdate, MetaPrior};
 use crate::artifact::{Artifact, onnx};
+use crate::behavioral_cloning::Cloning;
 use crate::data_only::{self, DataOnly};
 use crate::demonstration::{DemoId, DemonstrationSet};
 use crate::error::Result;
 use crate::imitate::{self, Imitation, ImitationState, LearningCurve};
-use crate::judge::{self, Judged, Judging, ScoreTable};
+use crate::judge::{self, Judging};
 use crate::ledger::Ledger;
-use crate::meta_train::{self, MetaState, MetaTraining, MutualInformation};
-use crate::method::{self, Asked, Costs, Method, Plan, Spent};
+use crate::meta_train::{MetaTraining, MutualInformation};
+use crate::method::{Costs, Method, Spent};
 use crate::metrics::{self, Gain};
 use crate::observer::Observer;
+use crate::panel::{Judge, Judges, Opinion, Panel};
 use crate::policy::PolicyShape;
-use crate::pre_train::{self, PreTrainState, PreTraining};
 use crate::rollout::Playground;
 use crate::seed::Seed;
 use crate::select::{self, Keep, Ranking, Subset};
 use crate::subset_selection::{self, Means, SubsetSelection, Weighing, WeighingState};
-use crate::uncertainty::{self, Resampling, Uncertainty};
+use crate::uncertainty::Uncertainty;
 
 pub use checks::{check, check_demonstrator, check_fits, check_has_weights};
+pub use judging::{
+    check_budget, first_start, hand_on, judging, judging_seed, opinion, panel, plan, prior, scores,
+};
+pub(crate) use judging::{cloning_update, information, learning_seed};
 pub use keeping::Keeping;
 pub(crate) use keeping::{begun, stage_name};
 
@@ -76,6 +82,8 @@ pub struct Config {
     pub seed: u64,
     /// How the parameters are made that judging adapts.
     pub method: Method,
+    /// Which judges are asked.
+    pub judges: Judges,
     /// How many demonstrations to keep.
     pub keep: Keep,
     /// The policy's shape, in meta-training and from scratch.
@@ -86,12 +94,24 @@ pub struct Config {
     pub meta_train: MetaTraining,
     /// How meta-training is regularized by mutual information, where the method is `maml-mi`.
     pub mutual_information: MutualInformation,
-    /// Judging.
+    /// Judging by the paper's judge.
     pub judge: Judging,
+    /// Judging by behavioral cloning.
+    pub cloning_judge: CloningJudge,
     /// Selection of a subset by weights (Algorithm 3), where it is asked for.
     pub subset_selection: SubsetSelection,
     /// Imitation from scratch.
     pub imitate: Imitation,
+}
+
+/// How demonstrations are judged by behavioral cloning from scratch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CloningJudge {
+    /// How long, how often and on what it is evaluated.
+    pub judging: Judging,
+    /// The update.
+    pub cloning: Cloning,
 }
 
 /// What a run is about, and where it keeps and tells what it finds.
@@ -111,9 +131,9 @@ pub struct Run<'a> {
 /// What comes out of the whole flow.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sifted {
-    /// S of every demonstration.
-    pub scores: ScoreTable,
-    /// What was concluded from them.
+    /// What each judge says.
+    pub panel: Panel,
+    /// What was concluded from it.
     pub selection: Selection,
     /// What scorers of the recorded data alone say; beside the ranking, never in it.
     pub data_only: DataOnly,
@@ -125,12 +145,12 @@ pub struct Sifted {
     pub gain: Gain,
 }
 
-/// What is concluded from the scores.
+/// What is concluded from the judges' scores.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Selection {
-    /// From the most to the least suitable.
+    /// From the most to the least suitable, by the judge that decides.
     pub ranking: Ranking,
-    /// How sure that is.
+    /// How sure that judge is.
     pub uncertainty: Uncertainty,
     /// What is kept.
     pub subset: Subset,
@@ -139,106 +159,13 @@ pub struct Selection {
 /// The whole job.
 pub fn sift(run: &mut Run<'_>) -> Result<Sifted> {
     check(run.set, run.playground.specification(), run.config)?;
-    let prior = prior(run)?;
-    let scores = scores(run, &prior)?;
+    let panel = panel(run)?;
     let data_only = data_only(run)?;
-    let selection = selection(run, &scores)?;
+    let selection = selection(run, &panel)?;
     let from_subset = learning_curve(run, "subset", &selection.subset.demos)?;
     let from_all = learning_curve(run, "all", &run.set.ids())?;
     let gain = metrics::gain(&from_subset.outcome, &from_all.outcome);
-    Ok(Sifted { scores, selection, data_only, from_subset, from_all, gain })
-}
-
-/// How the run's method spends its budget.
-pub fn plan(run: &Run<'_>) -> Plan {
-    let Run { set, playground, config, .. } = run;
-    method::plan(config.method, set, playground, &asked(config), &learning_seed(config))
-}
-
-/// Whether the budget of the run's method pays for any learning; the error says what would.
-pub fn check_budget(set: &DemonstrationSet, playground: &Playground<'_>, config: &Config) -> Result<()> {
-    method::check_budget(config.method, set, playground, &asked(config), &learning_seed(config))
-}
-
-fn asked(config: &Config) -> Asked<'_> {
-    let Config { meta_train, inner, mutual_information, judge, .. } = config;
-    Asked { training: meta_train, inner, information: mutual_information, judging: judge }
-}
-
-pub(crate) fn learning_seed(config: &Config) -> Seed {
-    Seed::new(config.seed).of("meta_train")
-}
-
-/// Mutual information, where the method has any.
-pub(crate) fn information(config: &Config) -> Option<&MutualInformation> {
-    (config.method == Method::MamlMi).then_some(&config.mutual_information)
-}
-
-/// DemonstrationSet → MetaPrior, by the run's method.
-pub fn prior(run: &mut Run<'_>) -> Result<MetaPrior> {
-    if let Some(prior) = Artifact::recall(run.ledger, "")? {
-        return Ok(prior);
-    }
-    check_budget(run.set, run.playground, run.config)?;
-    let config = run.config;
-    let seed = learning_seed(config);
-    let hidden = &config.meta_train.discriminator_hidden;
-    let untrained = Learner::untrained(run.set, &config.policy, hidden, &seed.of("start"));
-    match config.method {
-        Method::Maml | Method::MamlMi => meta_trained(run, untrained, &seed),
-        Method::AvgFineTune => pre_trained(run, untrained, &seed),
-        Method::FromScratch => {
-            untrained.keep(run.ledger, "")?;
-            Ok(untrained)
-        }
-    }
-}
-
-/// Algorithm 1.
-fn meta_trained(run: &mut Run<'_>, untrained: Learner, seed: &Seed) -> Result<MetaPrior> {
-    let training = MetaTraining { rounds: plan(run).updates, ..run.config.meta_train.clone() };
-    let Run { set, playground, config, ledger, observer } = run;
-    let start = || Ok(MetaState::from_prior(set, untrained, information(config), &seed.of("start")));
-    let (state, mut keeping) =
-        Keeping::begin((*ledger, *observer), playground, meta_train::STAGE, "", start)?;
-    let learning = (&training, &config.inner, &config.mutual_information);
-    let prior = meta_train::meta_train(set, playground, learning, state, seed, &mut keeping)?.prior;
-    keeping.finish("", &prior)?;
-    Ok(prior)
-}
-
-/// Imitation of the entire set (§5, Avg Fine-Tune).
-fn pre_trained(run: &mut Run<'_>, untrained: Learner, seed: &Seed) -> Result<MetaPrior> {
-    let updates = plan(run).updates;
-    let Run { set, playground, config, ledger, observer } = run;
-    let start = || Ok(PreTrainState::start(untrained, &config.inner));
-    let (state, mut keeping) = Keeping::begin((*ledger, *observer), playground, pre_train::STAGE, "", start)?;
-    let checkpoint_every = config.meta_train.checkpoint_every;
-    let training = PreTraining { updates, inner: &config.inner, checkpoint_every };
-    let prior = pre_train::pre_train(set, playground, training, state, seed, &mut keeping)?;
-    keeping.finish("", &prior)?;
-    Ok(prior)
-}
-
-/// MetaPrior → ScoreTable.
-pub fn scores(run: &mut Run<'_>, prior: &MetaPrior) -> Result<ScoreTable> {
-    if let Some(Judged { scores, .. }) = Artifact::recall(run.ledger, "")? {
-        return Ok(scores);
-    }
-    let judging = Judging { iterations: plan(run).iterations, ..run.config.judge.clone() };
-    let Run { set, playground, config, ledger, observer } = run;
-    let start = || Ok(Judged::default());
-    let (judged, mut keeping) = Keeping::begin((*ledger, *observer), playground, judge::STAGE, "", start)?;
-    let seed = judging_seed(config);
-    let judging = (&judging, &config.inner);
-    let judged = judge::judge(prior, set, playground, judging, judged, (&seed, &mut keeping))?;
-    keeping.finish("", &judged)?;
-    Ok(judged.scores)
-}
-
-/// The random numbers of judging.
-pub fn judging_seed(config: &Config) -> Seed {
-    Seed::new(config.seed).of("judge")
+    Ok(Sifted { panel, selection, data_only, from_subset, from_all, gain })
 }
 
 /// The random numbers of the selection by weights.
@@ -272,11 +199,15 @@ pub fn weighing(run: &mut Run<'_>, prior: &MetaPrior) -> Result<Weighing> {
 /// What the stages that the ledger holds have really played, beside the budget of the run's method.
 pub fn costs(run: &Run<'_>) -> Result<Costs> {
     let method = run.config.method;
-    let stages = method.stage().into_iter().chain([judge::STAGE, subset_selection::STAGE]).map(str::to_owned);
+    let judges = [Judge::Cloning, Judge::Paper].map(|judge| stage_name(judge::STAGE, judge.name()));
+    let [cloning, judging] = judges;
+    let before = method.stage().map(str::to_owned);
+    let stages =
+        [cloning].into_iter().chain(before).chain([judging.clone(), subset_selection::STAGE.to_owned()]);
     let imitations = ["subset", "all"].map(|part| stage_name(imitate::STAGE, part));
     let recall = |stage: String| Ok(Spent::recall(run.ledger, &stage)?.map(|spent| (stage, spent)));
     let spent = stages.chain(imitations).filter_map(|stage| recall(stage).transpose());
-    Ok(Costs { method, plan: plan(run), spent: spent.collect::<Result<_>>()? })
+    Ok(Costs { method, plan: plan(run), judging, spent: spent.collect::<Result<_>>()? })
 }
 
 /// What scorers of the recorded data alone say of the set; nothing of it enters a ranking.
@@ -289,18 +220,19 @@ pub fn data_only(run: &mut Run<'_>) -> Result<DataOnly> {
     Ok(found)
 }
 
-/// How sure the scores are; the same for every stage that asks.
-pub fn doubts(run: &Run<'_>, scores: &ScoreTable) -> Result<Uncertainty> {
-    let seed = Seed::new(run.config.seed).of("uncertainty");
-    uncertainty::uncertainty(scores, &Resampling::default(), &seed)
+/// K of the top K that is to be kept, as far as it is known before judging: a quarter where judging finds it.
+pub(crate) fn cut(run: &Run<'_>) -> usize {
+    match run.config.keep {
+        Keep::Count(count) => count,
+        Keep::Quarter | Keep::Auto | Keep::Weights => run.set.len().div_ceil(4),
+    }
 }
 
-/// ScoreTable → Ranking, Uncertainty, Subset.
-pub fn selection(run: &mut Run<'_>, scores: &ScoreTable) -> Result<Selection> {
-    let (ranking, uncertainty) = (select::rank(scores), doubts(run, scores)?);
+/// Panel → Ranking, Uncertainty, Subset: what the judge that decides would keep.
+pub fn selection(run: &mut Run<'_>, panel: &Panel) -> Result<Selection> {
+    let Opinion { ranking, uncertainty, .. } = panel.deciding().clone();
     let subset = match run.config.keep {
-        Keep::Quarter => select::top_k(&ranking, run.set.len().div_ceil(4))?,
-        Keep::Count(count) => select::top_k(&ranking, count)?,
+        Keep::Quarter | Keep::Count(_) => select::top_k(&ranking, cut(run))?,
         Keep::Auto => Subset { demos: uncertainty.worth_keeping() },
         Keep::Weights => {
             let prior = prior(run)?;

@@ -19,6 +19,7 @@ use crate::experiment::{self, Run};
 use crate::ledger::Ledger;
 use crate::meta_train::{self, MetaState, MetaTraining};
 use crate::observer::Silent;
+use crate::panel::Judge;
 use crate::policy::Policy;
 use crate::rollout::{self, Acting, Playground};
 use crate::rows::Rows;
@@ -133,11 +134,13 @@ impl Probe<'_, '_> {
         let (config, seed) = (self.run.config, Seed::new(self.run.config.seed).of("forecast"));
         match *piece {
             Piece::Round { meta_batch } => self.round(meta_batch, &seed, clock),
-            Piece::Inner { at_once, demonstrations } => {
-                self.update(&config.inner, (at_once, demonstrations), &seed, clock)
+            Piece::Inner { judge: Judge::Cloning } => {
+                self.updates_at_once(&experiment::cloning_update(config), &seed, clock)
             }
+            Piece::Inner { judge: Judge::Paper } => self.updates_at_once(&config.inner, &seed, clock),
+            Piece::PreTraining { demonstrations } => self.update(&config.inner, demonstrations, &seed, clock),
             Piece::Imitation { demonstrations } => {
-                self.update(&config.imitate.update, (1, demonstrations), &seed, clock)
+                self.update(&config.imitate.update, demonstrations, &seed, clock)
             }
             Piece::Evaluation { episodes } => {
                 playing_seconds(self.run.playground, &self.untrained(&seed).policy, episodes, &seed, clock)
@@ -165,27 +168,52 @@ impl Probe<'_, '_> {
         })
     }
 
+    /// Updates toward one demonstration each, spread over the threads as judging does.
+    fn updates_at_once(&self, inner: &InnerUpdate, seed: &Seed, clock: Clock<'_>) -> Result<f64> {
+        let (learner, demonstrated) = (self.untrained(seed), self.demonstrated(seed, 1));
+        let at_once = UPDATES_PER_THREAD * rayon::current_num_threads();
+        let playground = self.run.playground;
+        seconds_per_unit(clock, || {
+            let adapt = |number| adapted(playground, &learner, &demonstrated, (inner, &seed.at(number)));
+            (0..at_once).into_par_iter().try_for_each(adapt)?;
+            Ok(at_once as f64)
+        })
+    }
+
     fn update(
         &self,
         inner: &InnerUpdate,
-        (at_once, demonstrations): (usize, usize),
+        demonstrations: usize,
         seed: &Seed,
         clock: Clock<'_>,
     ) -> Result<f64> {
-        let learner = self.untrained(seed);
-        let pairs = learner.demonstrated_pairs(self.run.set);
-        let demonstrated: Vec<&Rows> = pairs.iter().take(demonstrations).collect();
-        let course = Course { inner, iterations: 1, averaged: 1 };
+        let (learner, demonstrated) = (self.untrained(seed), self.demonstrated(seed, demonstrations));
         seconds_per_unit(clock, || {
-            let adapt = |number: usize| {
-                let seed = seed.at(number);
-                adapt::adapt(&learner, &demonstrated, self.run.playground, EnvVariant(0), &course, &seed)
-            };
-            (0..at_once).into_par_iter().map(adapt).collect::<Result<Vec<_>>>()?;
+            adapted(self.run.playground, &learner, &demonstrated, (inner, seed))?;
             Ok(1.0)
         })
     }
+
+    fn demonstrated(&self, seed: &Seed, demonstrations: usize) -> Vec<Rows> {
+        let pairs = self.untrained(seed).demonstrated_pairs(self.run.set);
+        pairs.into_iter().take(demonstrations).collect()
+    }
 }
+
+/// One update.
+fn adapted(
+    playground: &Playground<'_>,
+    learner: &Learner,
+    demonstrated: &[Rows],
+    (inner, seed): (&InnerUpdate, &Seed),
+) -> Result<()> {
+    let course = Course { inner, iterations: 1, averaged: 1 };
+    let demonstrated: Vec<&Rows> = demonstrated.iter().collect();
+    adapt::adapt(learner, &demonstrated, playground, EnvVariant(0), &course, seed).map(drop)
+}
+
+/// Enough for the threads to share them out evenly.
+const UPDATES_PER_THREAD: usize = 4;
 
 /// Who demonstrates in a recording.
 #[derive(Clone, Copy, Debug)]

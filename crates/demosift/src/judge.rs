@@ -1,30 +1,39 @@
 //! Judging (§4.3; Algorithm 2): how much better does imitating each demonstration make the agent at the task?
 //!
-//! Every demonstration is adapted to from the same meta-parameters, with the same random numbers, and the adapted
-//! policy is scored by the task's heuristic on the same evaluation episodes as the meta-parameters themselves.
+//! Every demonstration is adapted to from the same parameters, with the same random numbers, and the adapted policy is
+//! scored by the task's heuristic on the same evaluation episodes as the parameters themselves.
 //!
 //! | Algorithm 2 | here |
 //! |---|---|
-//! | 1, 2: for all e_j, for all v_i | the loop in [`judge`] |
-//! | 3–10: adapt | [`adapt::adapt`] in [`Judge::adapt`] |
-//! | 11: evaluate θ_ij for M random seeds | [`Judge::evaluate`] |
+//! | 1, 2: for all e_j, for all v_i | [`targets`], each with its repeats |
+//! | 3, 4: θ_ij ← θ, D_i ← D_meta | [`Start`] |
+//! | 5–10: adapt | [`adapt::adapt`] in [`imitate_once`] |
+//! | 11: evaluate θ_ij for M random seeds | [`evaluate`] |
 //! | 12: S = K(after) − K(before) (Eq. 8) | [`Suitability::score`] |
 //! | 14: i_opt (Eq. 9) | [`crate::select`] |
 //!
-//! Where we differ: an adaptation may be repeated with other random numbers and the outcomes pooled, and what is
-//! evaluated is the mean of its last θ, since a single θ of one short adaptation is a noisy witness.
+//! Where we differ: an adaptation is repeated with other random numbers and the outcomes are pooled, and what is evaluated
+//! is the mean of its last θ, since a single θ of one short adaptation is a noisy witness.
+//! Repeats go where they are needed: who surely belongs to one side of the cut gets no more of them ([`race`]).
+//! θ may also be a policy that knows nothing, drawn anew for each repeat; that is judging from scratch (§5.4).
+
+pub mod race;
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::sync::Mutex;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::adapt::{self, Course, InnerUpdate, MetaPrior, UpdateReport};
+use crate::adapt::{self, Course, InnerUpdate, Learner, MetaPrior, UpdateReport};
 use crate::adapted_behaviors;
-use crate::demonstration::{DemoId, Demonstration, DemonstrationSet};
+use crate::demonstration::{DemoId, DemonstrationSet};
 use crate::environment::{EnvVariant, Specification};
 use crate::error::Result;
 use crate::heuristic::Score;
 use crate::observer::{Event, Observer};
-use crate::policy::Policy;
+use crate::policy::{Policy, PolicyShape};
 use crate::rollout::{self, Acting, Playground};
 use crate::rows::Rows;
 use crate::seed::Seed;
@@ -42,6 +51,9 @@ pub struct Judging {
     pub evaluations: usize,
     /// Adaptations per demonstration and variant, each with its own random numbers; not in the paper.
     pub repeats: usize,
+    /// Up to how many adaptations a demonstration gets while it may still belong to either side of the cut; none are added
+    /// where this is not more than `repeats`. Not in the paper.
+    pub most_repeats: usize,
     /// How the policy acts when it is evaluated; sampling is what Algorithm 2 says, and shows what the mean action hides:
     /// an agent that imitates a noisy demonstration becomes as noisy.
     pub acting: Acting,
@@ -54,8 +66,8 @@ pub struct Suitability {
     pub demo: DemoId,
     /// e_j.
     pub variant: EnvVariant,
-    /// K of the meta-parameters, one an evaluation seed, `[M]`.
-    pub before: Vec<Score>,
+    /// K before imitating: of the meta-parameters, `[1][M]`; of the policies that know nothing, one a repeat, `[repeats][M]`.
+    pub before: Vec<Vec<Score>>,
     /// K after adapting, one an evaluation seed, for each repeat, `[repeats][M]`.
     pub after: Vec<Vec<Score>>,
     /// How far the adapted agent's evaluation episodes are from v_i (Table 1), one a repeat, `[repeats]`.
@@ -75,7 +87,7 @@ pub struct AdaptedPolicy {
     pub policy: Policy,
 }
 
-/// What judging finds; while it goes on, what it has found so far.
+/// What judging finds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Judged {
     /// S of all.
@@ -84,21 +96,36 @@ pub struct Judged {
     pub adapted: Vec<AdaptedPolicy>,
 }
 
+impl Judged {
+    /// What was found under one variant, for a task of that variant alone, where it is number 0.
+    pub fn under(&self, variant: EnvVariant) -> Self {
+        let adapted = self.adapted.iter().filter(|adapted| adapted.variant == variant);
+        let mut under = Self { scores: self.scores.under(variant), adapted: adapted.cloned().collect() };
+        under.scores.suitabilities.iter_mut().for_each(|of| of.variant = EnvVariant(0));
+        under.adapted.iter_mut().for_each(|adapted| adapted.variant = EnvVariant(0));
+        under
+    }
+}
+
 impl Suitability {
     /// S_{v|e} = K(τ after) − K(τ before), means over seeds and repeats (Eq. 8).
     pub fn score(&self) -> Score {
         self.mean_after() - self.mean_before()
     }
 
-    /// Mean K of the meta-parameters.
+    /// Mean K before imitating.
     pub fn mean_before(&self) -> Score {
-        mean(&self.before)
+        mean_of_means(&self.before)
     }
 
     /// Mean K after adapting.
     pub fn mean_after(&self) -> Score {
-        mean(&self.after.iter().map(|scores| mean(scores)).collect::<Vec<_>>())
+        mean_of_means(&self.after)
     }
+}
+
+fn mean_of_means(scores: &[Vec<Score>]) -> Score {
+    mean(&scores.iter().map(|scores| mean(scores)).collect::<Vec<_>>())
 }
 
 fn mean(scores: &[Score]) -> Score {
@@ -119,16 +146,125 @@ impl ScoreTable {
         let distances: Vec<f64> = self.suitabilities.iter().map(|of| mean(&of.distances)).collect();
         distances.iter().sum::<f64>() / distances.len() as f64
     }
+
+    /// What was found under one variant (Eq. 9 is taken per variant).
+    pub fn under(&self, variant: EnvVariant) -> Self {
+        let under = self.suitabilities.iter().filter(|of| of.variant == variant);
+        Self { suitabilities: under.cloned().collect() }
+    }
+
+    /// The variants that were judged under, in order.
+    pub fn variants(&self) -> Vec<EnvVariant> {
+        let mut variants: Vec<EnvVariant> = self.suitabilities.iter().map(|of| of.variant).collect();
+        variants.sort_unstable();
+        variants.dedup();
+        variants
+    }
+}
+
+/// θ and D before a demonstration is imitated (Algorithm 2, lines 3 and 4).
+#[derive(Clone, Copy, Debug)]
+pub enum Start<'a> {
+    /// The meta-parameters, the same in every repeat.
+    Prior(&'a MetaPrior),
+    /// A learner that knows nothing, another one in every repeat (§5.4); the same for all demonstrations.
+    Untrained {
+        /// Of its policy.
+        shape: &'a PolicyShape,
+        /// Widths of its discriminator's hidden layers.
+        discriminator_hidden: &'a [usize],
+    },
+}
+
+impl<'a> Start<'a> {
+    /// From where a repeat starts; `seed` is that of judging.
+    pub fn learner(&self, set: &DemonstrationSet, repeat: usize, seed: &Seed) -> Cow<'a, Learner> {
+        match self {
+            Self::Prior(prior) => Cow::Borrowed(*prior),
+            Self::Untrained { shape, discriminator_hidden } => {
+                let seed = seed.of("start").at(repeat);
+                Cow::Owned(Learner::untrained(set, shape, discriminator_hidden, &seed))
+            }
+        }
+    }
+
+    /// How many different ones so many repeats start from.
+    fn count(&self, repeats: usize) -> usize {
+        match self {
+            Self::Prior(_) => 1,
+            Self::Untrained { .. } => repeats,
+        }
+    }
+}
+
+/// What is judged, and how.
+#[derive(Clone, Copy)]
+pub struct Trial<'a> {
+    /// V.
+    pub set: &'a DemonstrationSet,
+    /// E with K.
+    pub playground: &'a Playground<'a>,
+    /// θ with D_meta.
+    pub start: Start<'a>,
+    /// How an adaptation updates.
+    pub inner: &'a InnerUpdate,
+    /// How long, how often and on what it is evaluated.
+    pub judging: &'a Judging,
+    /// K of the top K: whom further repeats must tell apart.
+    pub cut: usize,
+    /// Names this judging among others in events.
+    pub part: &'a str,
+    /// All random numbers.
+    pub seed: &'a Seed,
+}
+
+/// One piece of judging that depends on no other: a demonstration imitated once under a variant, or, with no demonstration,
+/// what the agent is worth before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Unit {
+    /// e_j.
+    pub variant: EnvVariant,
+    /// Which repeat.
+    pub repeat: usize,
+    /// v_i, if one is imitated.
+    pub demo: Option<DemoId>,
+}
+
+/// What came of a unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// K, one an evaluation seed, `[M]`.
+    scores: Vec<Score>,
+    /// From what was demonstrated (Table 1).
+    distance: f64,
+    curve: Vec<UpdateReport>,
+    /// θ_ij, of the first repeat only.
+    policy: Option<Policy>,
+}
+
+/// Where judging stands; from here it goes on to the identical result.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct JudgingState {
+    finished: BTreeMap<Unit, Outcome>,
+}
+
+impl JudgingState {
+    /// Units that are finished.
+    pub fn done(&self) -> usize {
+        self.finished.len()
+    }
 }
 
 /// Name of the stage in events.
 pub const STAGE: &str = "judge";
 
-/// Algorithm 2, continued from what `judged` already holds.
+/// Algorithm 2, continued from what `state` already holds.
+///
+/// Units are spread over threads as wholes; what comes out does not depend on their number.
 ///
 /// ```
 /// use demosift::adapt::Learner;
-/// use demosift::judge::{Judged, judge};
+/// use demosift::judge::{JudgingState, Start, Trial, judge};
 /// use demosift::observer::Silent;
 /// use demosift::point_mass::{PointMass, planted_set};
 /// use demosift::preset::Preset;
@@ -144,10 +280,18 @@ pub const STAGE: &str = "judge";
 /// // Any prior can be judged from; this one knows nothing, and `meta_train` makes better ones.
 /// let prior = Learner::untrained(&set, &config.policy, &[32, 32], &Seed::new(7));
 /// let task = PointMass::new();
-/// let how = (&config.judge, &config.inner);
-/// let nothing = Judged::default(); // or what was judged before a kill
-/// let judged =
-///     judge(&prior, &set, &Playground::new(&task), how, nothing, (&Seed::new(7), &mut Silent))?;
+/// let trial = Trial {
+///     set: &set,
+///     playground: &Playground::new(&task),
+///     start: Start::Prior(&prior),
+///     inner: &config.inner,
+///     judging: &config.judge,
+///     cut: 1,
+///     part: "",
+///     seed: &Seed::new(7),
+/// };
+/// let nothing = JudgingState::default(); // or what was judged before a kill
+/// let judged = judge(&trial, nothing, &mut Silent)?;
 ///
 /// // One suitability for each demonstration under each of the task's variants, which here is one.
 /// let scores: Vec<f64> = judged.scores.suitabilities.iter().map(|of| of.score()).collect();
@@ -157,49 +301,252 @@ pub const STAGE: &str = "judge";
 /// assert_eq!(judged.adapted.len(), 3);
 /// # Ok::<(), demosift::Error>(())
 /// ```
-pub fn judge(
-    prior: &MetaPrior,
-    set: &DemonstrationSet,
-    playground: &Playground<'_>,
-    (judging, inner): (&Judging, &InnerUpdate),
-    mut judged: Judged,
-    (seed, observer): (&Seed, &mut dyn Observer),
-) -> Result<Judged> {
-    let demonstrated = prior.demonstrated_pairs(set);
-    let variants = playground.specification().variant_ids();
-    let targets: Vec<(EnvVariant, DemoId)> = variants
-        .into_iter()
-        .flat_map(|variant| set.ids().into_iter().map(move |demo| (variant, demo)))
-        .collect();
-    let done = judged.scores.suitabilities.len();
-    observer.on(Event::Started { stage: STAGE, done, total: targets.len() });
-    for (variant, demo) in targets.iter().skip(done) {
-        let seed = seed_under(seed, *variant);
-        let judge = Judge { playground, judging, inner, variant: *variant, seed };
-        // The meta-parameters are the same for all demonstrations under a variant, and so is their score.
-        let before = match judged.scores.suitabilities.last() {
-            Some(last) if last.variant == *variant => last.before.clone(),
-            _ => judge.score(&judge.evaluate(&prior.policy)?),
-        };
-        let target = Target { demo: *demo, demonstration: set.get(*demo), pairs: &demonstrated[demo.0] };
-        let (suitability, policy) = judge
-            .judge_one(prior, &target, before)
-            .map_err(|error| error.during(&format!("judging demonstration {demo}")))?;
-        report(&suitability, observer);
-        judged.scores.suitabilities.push(suitability);
-        judged.adapted.push(AdaptedPolicy { demo: *demo, variant: *variant, policy });
-        observer.on(Event::Advanced { stage: STAGE, done: judged.scores.suitabilities.len() });
-        observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &judged });
+pub fn judge(trial: &Trial<'_>, mut state: JudgingState, observer: &mut dyn Observer) -> Result<Judged> {
+    let bench = Bench::new(trial);
+    let most = steps_in_units(trial);
+    observer.on(Event::Started { stage: STAGE, done: state.done(), total: most });
+    for round in 0..rounds(trial.judging) {
+        let units = units(trial, &state, round);
+        bench.play(&units, &mut state, observer)?;
     }
-    Ok(judged)
+    Ok(assemble(trial, state))
 }
 
-/// Environment steps that judging so many demonstrations takes, where episodes last to the horizon.
-pub fn steps(demonstrations: usize, task: &Specification, judging: &Judging, inner: &InnerUpdate) -> u64 {
-    let adaptations = demonstrations * judging.repeats;
+/// Rounds of repeats: the first holds those that everybody gets, each further one a repeat of whoever is still contested.
+fn rounds(judging: &Judging) -> usize {
+    1 + judging.most_repeats.saturating_sub(judging.repeats)
+}
+
+/// The repeats of a round.
+fn repeats(judging: &Judging, round: usize) -> std::ops::Range<usize> {
+    match round {
+        0 => 0..judging.repeats,
+        round => judging.repeats + round - 1..judging.repeats + round,
+    }
+}
+
+/// How many units there are if nobody is ever sure.
+fn steps_in_units(trial: &Trial<'_>) -> usize {
+    let most = trial.judging.repeats.max(trial.judging.most_repeats);
+    let variants = trial.playground.specification().variants.len();
+    variants * (trial.set.len() * most + trial.start.count(most))
+}
+
+/// What a round has to do, repeat by repeat: under each variant, those whose side of the cut is still open.
+fn units(trial: &Trial<'_>, state: &JudgingState, round: usize) -> Vec<Unit> {
+    let mut units = Vec::new();
+    for repeat in repeats(trial.judging, round) {
+        for variant in trial.playground.specification().variant_ids() {
+            let contested = contested(trial, state, variant, round);
+            let starts = repeat < trial.start.count(repeat + 1) && !contested.is_empty();
+            units.extend(starts.then_some(Unit { variant, repeat, demo: None }));
+            units.extend(contested.into_iter().map(|demo| Unit { variant, repeat, demo: Some(demo) }));
+        }
+    }
+    units
+}
+
+/// Lines 1 and 2: for all e_j, for all v_i.
+fn contested(trial: &Trial<'_>, state: &JudgingState, variant: EnvVariant, round: usize) -> Vec<DemoId> {
+    if round == 0 {
+        return trial.set.ids();
+    }
+    let before = repeats(trial.judging, round).start;
+    let mut means: Vec<Vec<f64>> = vec![Vec::new(); trial.set.len()];
+    for (unit, outcome) in &state.finished {
+        if let (true, Some(demo)) = (unit.variant == variant && unit.repeat < before, unit.demo) {
+            means[demo.0].push(mean(&outcome.scores));
+        }
+    }
+    let looks = rounds(trial.judging) - 1;
+    let open = race::contested(&means, &race::Race { cut: trial.cut, looks, level: race::LEVEL });
+    open.into_iter().map(DemoId).collect()
+}
+
+/// What all units share.
+struct Bench<'a> {
+    trial: &'a Trial<'a>,
+    /// The pairs of each demonstration behind the filter of the set, which all learners share.
+    pairs: Vec<Rows>,
+}
+
+impl<'a> Bench<'a> {
+    fn new(trial: &'a Trial<'a>) -> Self {
+        let learner = trial.start.learner(trial.set, 0, trial.seed);
+        Self { trial, pairs: learner.demonstrated_pairs(trial.set) }
+    }
+
+    /// Plays the units that are not finished yet, as many at once as there are threads, begun in their order.
+    fn play(&self, units: &[Unit], state: &mut JudgingState, observer: &mut dyn Observer) -> Result<()> {
+        let missing: Vec<Unit> =
+            units.iter().filter(|unit| !state.finished.contains_key(unit)).copied().collect();
+        let collecting = Mutex::new(Collecting::new(self.trial.part, units, state, observer));
+        let played = missing.iter().par_bridge().try_for_each(|unit| {
+            let outcome = self.outcome(unit).map_err(|error| error.during(&unit.in_words()))?;
+            collecting.lock().expect("no thread panics while it holds the lock").take(*unit, outcome);
+            Ok(())
+        });
+        // Also after an error: what is finished need not be done again.
+        collecting.into_inner().expect("no thread panics while it holds the lock").checkpoint();
+        played
+    }
+
+    /// Lines 3 to 11 once; nothing is imitated where the unit is about the agent before.
+    fn outcome(&self, unit: &Unit) -> Result<Outcome> {
+        let Trial { set, start, seed, .. } = self.trial;
+        let learner = start.learner(set, unit.repeat, seed);
+        let seed = seed_under(seed, self.trial.playground, unit.variant);
+        match unit.demo {
+            Some(demo) => imitate_once(self.trial, &learner, (demo, &self.pairs[demo.0]), unit, &seed),
+            None => {
+                let played = evaluate(self.trial, &learner.policy, unit.variant, &seed)?;
+                let scores = score(self.trial.playground, &played);
+                Ok(Outcome { scores, distance: 0.0, curve: Vec::new(), policy: None })
+            }
+        }
+    }
+}
+
+/// Lines 3 to 11 for one demonstration, whose pairs stand beside it.
+fn imitate_once(
+    trial: &Trial<'_>,
+    learner: &Learner,
+    (demo, pairs): (DemoId, &Rows),
+    unit: &Unit,
+    seed: &Seed,
+) -> Result<Outcome> {
+    let Judging { iterations, averaged, .. } = *trial.judging;
+    let course = Course { inner: trial.inner, iterations, averaged };
+    let adapting = seed.of("adapt").at(unit.repeat);
+    let adapted = adapt::adapt(learner, &[pairs], trial.playground, unit.variant, &course, &adapting)?;
+    let policy = adapted.learner.policy;
+    let played = evaluate(trial, &policy, unit.variant, seed)?;
+    let distance = adapted_behaviors::distance(trial.set.get(demo), &played)?;
+    let scores = score(trial.playground, &played);
+    Ok(Outcome { scores, distance, curve: adapted.curve, policy: (unit.repeat == 0).then_some(policy) })
+}
+
+/// Line 11: a policy on the M evaluation seeds, which are the same for everybody.
+fn evaluate(trial: &Trial<'_>, policy: &Policy, variant: EnvVariant, seed: &Seed) -> Result<Vec<Trajectory>> {
+    let seeds = evaluation_seeds(seed, trial.judging.evaluations);
+    rollout::play(trial.playground, policy, trial.judging.acting, variant, seeds)
+}
+
+/// K.
+fn score(playground: &Playground<'_>, played: &[Trajectory]) -> Vec<Score> {
+    played.iter().map(|played| playground.score(played)).collect()
+}
+
+impl Unit {
+    fn in_words(self) -> String {
+        match self.demo {
+            Some(demo) => format!("judging demonstration {demo}"),
+            None => "evaluating the agent before it imitates".to_owned(),
+        }
+    }
+}
+
+/// A checkpoint is written when the state has grown by such a share since the last one, so that writing stays linear in the
+/// number of units, and at most that share is lost by a kill.
+const GROWTH: usize = 16;
+
+/// Takes outcomes in whatever order they come, and tells of them in that of the units.
+struct Collecting<'a> {
+    part: &'a str,
+    units: &'a [Unit],
+    told: usize,
+    kept: usize,
+    state: &'a mut JudgingState,
+    observer: &'a mut dyn Observer,
+}
+
+impl<'a> Collecting<'a> {
+    fn new(
+        part: &'a str,
+        units: &'a [Unit],
+        state: &'a mut JudgingState,
+        observer: &'a mut dyn Observer,
+    ) -> Self {
+        let mut collecting = Self { part, units, told: 0, kept: state.done(), state, observer };
+        collecting.tell();
+        collecting
+    }
+
+    fn take(&mut self, unit: Unit, outcome: Outcome) {
+        self.state.finished.insert(unit, outcome);
+        self.tell();
+        let done = self.state.done();
+        self.observer.on(Event::Advanced { stage: STAGE, done });
+        if (done - self.kept) * GROWTH >= self.kept.max(1) {
+            self.checkpoint();
+        }
+    }
+
+    fn checkpoint(&mut self) {
+        if self.state.done() > self.kept {
+            self.kept = self.state.done();
+            self.observer.on(Event::Checkpoint { stage: STAGE, part: self.part, state: self.state });
+        }
+    }
+
+    /// Passes on the numbers of all units up to the first that is not finished.
+    fn tell(&mut self) {
+        while let Some(unit) = self.units.get(self.told) {
+            let Some(outcome) = self.state.finished.get(unit) else { return };
+            report(self.part, unit, outcome, self.observer);
+            self.told += 1;
+        }
+    }
+}
+
+/// The units as a table.
+fn assemble(trial: &Trial<'_>, state: JudgingState) -> Judged {
+    let mut judged = Judged::default();
+    for variant in trial.playground.specification().variant_ids() {
+        let under = |demo: Option<DemoId>| {
+            let finished = state.finished.iter();
+            finished.filter(move |(unit, _)| unit.variant == variant && unit.demo == demo).map(|(_, out)| out)
+        };
+        let before: Vec<Vec<Score>> = under(None).map(|outcome| outcome.scores.clone()).collect();
+        for demo in trial.set.ids() {
+            let of_demo = || under(Some(demo));
+            judged.scores.suitabilities.push(Suitability {
+                demo,
+                variant,
+                before: before.clone(),
+                after: of_demo().map(|outcome| outcome.scores.clone()).collect(),
+                distances: of_demo().map(|outcome| outcome.distance).collect(),
+                curves: of_demo().map(|outcome| outcome.curve.clone()).collect(),
+            });
+            let policy = of_demo().find_map(|outcome| outcome.policy.clone());
+            let policy = policy.expect("the first repeat keeps its policy");
+            judged.adapted.push(AdaptedPolicy { demo, variant, policy });
+        }
+    }
+    judged
+}
+
+/// Environment steps that judging so many demonstrations takes at most, where episodes last to the horizon; exact where no
+/// repeats are added.
+pub fn steps(demonstrations: usize, task: &Specification, how: &Cost<'_>) -> u64 {
+    let Cost { judging, inner, starts_anew } = *how;
+    let repeats = judging.repeats.max(judging.most_repeats);
+    let adaptations = demonstrations * repeats;
+    let starts = if starts_anew { repeats } else { 1 };
     let adapting = adaptations * judging.iterations * inner.episodes(task.horizon);
-    let evaluating = (1 + adaptations) * judging.evaluations;
+    let evaluating = (starts + adaptations) * judging.evaluations;
     ((adapting + evaluating) * task.horizon * task.variants.len()) as u64
+}
+
+/// What decides how much judging plays.
+#[derive(Clone, Copy, Debug)]
+pub struct Cost<'a> {
+    /// How long, how often and on what it is evaluated.
+    pub judging: &'a Judging,
+    /// How an adaptation updates.
+    pub inner: &'a InnerUpdate,
+    /// Whether each repeat starts from a policy of its own ([`Start::Untrained`]).
+    pub starts_anew: bool,
 }
 
 /// One of the episodes in which the agent was scored, played again as it was to the bit: before imitating or after, as
@@ -213,97 +560,28 @@ pub fn replay(
     (variant, evaluation): (EnvVariant, usize),
     seed: &Seed,
 ) -> Result<(Trajectory, Seed)> {
-    let seed = || evaluation_seeds(&seed_under(seed, variant), judging.evaluations).swap_remove(evaluation);
+    let seed = || {
+        evaluation_seeds(&seed_under(seed, playground, variant), judging.evaluations).swap_remove(evaluation)
+    };
     let played = rollout::play(playground, policy, judging.acting, variant, vec![seed()])?;
     Ok((played.into_iter().next().expect("one seed, one episode"), seed()))
 }
 
-fn seed_under(seed: &Seed, variant: EnvVariant) -> Seed {
-    seed.at(variant.0)
+/// By name, so that a task under one of its variants alone is judged by the same random numbers.
+fn seed_under(seed: &Seed, playground: &Playground<'_>, variant: EnvVariant) -> Seed {
+    seed.of(&playground.specification().variants[variant.0])
 }
 
 fn evaluation_seeds(seed: &Seed, evaluations: usize) -> Vec<Seed> {
     seed.of("evaluate").many(evaluations)
 }
 
-/// What is the same for all demonstrations under a variant: above all the random numbers.
-struct Judge<'a> {
-    playground: &'a Playground<'a>,
-    judging: &'a Judging,
-    inner: &'a InnerUpdate,
-    variant: EnvVariant,
-    seed: Seed,
-}
-
-/// The demonstration that is judged.
-struct Target<'a> {
-    demo: DemoId,
-    demonstration: &'a Demonstration,
-    /// Its pairs behind the agent's filter.
-    pairs: &'a Rows,
-}
-
-/// What came of one adaptation.
-struct Repeat {
-    policy: Policy,
-    scores: Vec<Score>,
-    distance: f64,
-    curve: Vec<UpdateReport>,
-}
-
-impl Judge<'_> {
-    /// Lines 3 to 12 for one demonstration.
-    fn judge_one(
-        &self,
-        prior: &MetaPrior,
-        target: &Target<'_>,
-        before: Vec<Score>,
-    ) -> Result<(Suitability, Policy)> {
-        let repeats = (0..self.judging.repeats).into_par_iter();
-        let repeats: Vec<Repeat> =
-            repeats.map(|repeat| self.adapt(prior, target, repeat)).collect::<Result<_>>()?;
-        let policy = repeats.first().expect("judging repeats at least once").policy.clone();
-        let (mut after, mut distances, mut curves) = (Vec::new(), Vec::new(), Vec::new());
-        for Repeat { scores, distance, curve, .. } in repeats {
-            after.push(scores);
-            distances.push(distance);
-            curves.push(curve);
-        }
-        let (demo, variant) = (target.demo, self.variant);
-        Ok((Suitability { demo, variant, before, after, distances, curves }, policy))
-    }
-
-    /// Lines 3 to 11 once.
-    fn adapt(&self, prior: &MetaPrior, target: &Target<'_>, repeat: usize) -> Result<Repeat> {
-        let Judging { iterations, averaged, .. } = *self.judging;
-        let course = Course { inner: self.inner, iterations, averaged };
-        let seed = self.seed.of("adapt").at(repeat);
-        let adapted = adapt::adapt(prior, &[target.pairs], self.playground, self.variant, &course, &seed)?;
-        let policy = adapted.learner.policy;
-        let played = self.evaluate(&policy)?;
-        let distance = adapted_behaviors::distance(target.demonstration, &played)?;
-        Ok(Repeat { scores: self.score(&played), distance, policy, curve: adapted.curve })
-    }
-
-    /// Line 11: a policy on the M evaluation seeds, which are the same for everybody.
-    fn evaluate(&self, policy: &Policy) -> Result<Vec<Trajectory>> {
-        let seeds = evaluation_seeds(&self.seed, self.judging.evaluations);
-        rollout::play(self.playground, policy, self.judging.acting, self.variant, seeds)
-    }
-
-    /// K.
-    fn score(&self, played: &[Trajectory]) -> Vec<Score> {
-        played.iter().map(|played| self.playground.score(played)).collect()
-    }
-}
-
-fn report(suitability: &Suitability, observer: &mut dyn Observer) {
-    for (repeat, curve) in suitability.curves.iter().enumerate() {
-        let part =
-            format!("variant {} demonstration {} repeat {repeat}", suitability.variant.0, suitability.demo);
-        for (iteration, update) in curve.iter().enumerate() {
-            let numbers = &update.numbers();
-            observer.on(Event::Measured { stage: STAGE, part: &part, iteration, numbers });
-        }
+fn report(judging: &str, unit: &Unit, outcome: &Outcome, observer: &mut dyn Observer) {
+    let Some(demo) = unit.demo else { return };
+    let unit = format!("variant {} demonstration {demo} repeat {}", unit.variant.0, unit.repeat);
+    let part = if judging.is_empty() { unit } else { format!("{judging} {unit}") };
+    for (iteration, update) in outcome.curve.iter().enumerate() {
+        let numbers = &update.numbers();
+        observer.on(Event::Measured { stage: STAGE, part: &part, iteration, numbers });
     }
 }

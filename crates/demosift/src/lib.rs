@@ -67,6 +67,7 @@ pub mod mutual_information;
 pub mod nn;
 pub mod observation_filter;
 pub mod observer;
+pub mod panel;
 pub mod point_mass;
 pub mod policy;
 pub mod pre_train;

@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 use crate::adapt::{InnerUpdate, Rule};
 use crate::demonstration::DemonstrationSet;
 use crate::error::{Error, Result};
-use crate::judge::{self, Judging};
+use crate::judge::{self, Cost, Judging};
 use crate::meta_train::{self, MetaTraining, MutualInformation};
 use crate::pre_train;
 use crate::rollout::Playground;
@@ -120,7 +120,8 @@ fn plan_by_steps(
     let Asked { training, inner, information, judging } = *asked;
     let rounds =
         |information| meta_train::steps_by_round(set, playground, (training, inner, information), seed);
-    let judged = judge::steps(set.len(), playground.specification(), judging, inner);
+    let cost = |judging| Cost { judging, inner, starts_anew: false };
+    let judged = judge::steps(set.len(), playground.specification(), &cost(judging));
     let learned: u64 = rounds(None).take(training.rounds).sum();
     let plain = Plan { quota: learned + judged, updates: training.rounds, iterations: judging.iterations };
     match method {
@@ -132,7 +133,7 @@ fn plan_by_steps(
         }
         Method::FromScratch => {
             let longer = Judging { iterations: judging.iterations + 1, ..judging.clone() };
-            let iteration = judge::steps(set.len(), playground.specification(), &longer, inner) - judged;
+            let iteration = judge::steps(set.len(), playground.specification(), &cost(&longer)) - judged;
             let iterations = judging.iterations + (learned / iteration) as usize;
             Plan { updates: 0, iterations, ..plain }
         }
@@ -167,7 +168,8 @@ fn plan_by_updates(
         }
     };
     let judging = Judging { iterations, ..judging.clone() };
-    Plan { quota: learned + judge::steps(set.len(), task, &judging, inner), updates, iterations }
+    let cost = Cost { judging: &judging, inner, starts_anew: false };
+    Plan { quota: learned + judge::steps(set.len(), task, &cost), updates, iterations }
 }
 
 /// Whether the budget pays for any learning, where some is asked for.
@@ -225,6 +227,8 @@ pub struct Costs {
     pub method: Method,
     /// Its budget.
     pub plan: Plan,
+    /// Name of the stage in which the method's agent was judged.
+    pub judging: String,
     /// Each finished stage by name, in the order of the flow.
     pub spent: Vec<(String, Spent)>,
 }
@@ -232,7 +236,7 @@ pub struct Costs {
 impl Costs {
     /// Environment steps spent of the quota: those of making the prior and of judging.
     pub fn of_quota(&self) -> u64 {
-        let counts = |stage: &str| Some(stage) == self.method.stage() || stage == judge::STAGE;
+        let counts = |stage: &str| Some(stage) == self.method.stage() || stage == self.judging;
         let spent = self.spent.iter().filter(|(stage, _)| counts(stage));
         spent.map(|(_, spent)| spent.environment_steps).sum()
     }

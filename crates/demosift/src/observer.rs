@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-/// Hears of a run's progress; called from one thread, in order.
-pub trait Observer {
+/// Receives a run's progress; called from one thread at a time, in order.
+pub trait Observer: Send {
     /// One thing happened.
     fn on(&mut self, event: Event<'_>);
 }
@@ -50,12 +50,12 @@ pub enum Event<'a> {
 }
 
 /// A state that can be written down; everything that is [`Serialize`] is one.
-pub trait Snapshot: std::fmt::Debug {
+pub trait Snapshot: std::fmt::Debug + Sync {
     /// The state as bytes.
     fn to_bytes(&self) -> Vec<u8>;
 }
 
-impl<T: Serialize + std::fmt::Debug> Snapshot for T {
+impl<T: Serialize + std::fmt::Debug + Sync> Snapshot for T {
     fn to_bytes(&self) -> Vec<u8> {
         postcard::to_allocvec(self).expect("plain data always serializes")
     }

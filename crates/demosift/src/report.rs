@@ -22,9 +22,9 @@ use crate::judge::{Judged, ScoreTable, Suitability};
 use crate::ledger::Ledger;
 use crate::method::Costs;
 use crate::metrics::{self, Gain};
+use crate::panel::{self, Disagreement, Judge, Panel, Vote};
 use crate::select::{self, Keep, Ranking, Subset};
 use crate::subset_selection::{Weighing, WeighingEnd};
-use crate::uncertainty::Uncertainty;
 
 pub use shown::{Part, Shown, agent_episodes, typical_evaluation};
 
@@ -38,8 +38,8 @@ pub struct Sources<'a> {
     pub task: &'a dyn Task,
     /// How many were to be kept.
     pub keep: Keep,
-    /// How sure the scores are.
-    pub uncertainty: &'a Uncertainty,
+    /// What the judges say.
+    pub panel: &'a Panel,
     /// What others say of the recordings.
     pub opinions: &'a DataOnly,
     /// What was played.
@@ -59,15 +59,21 @@ pub struct Report {
     pub control_step_secs: f64,
     /// Of the heuristic.
     pub unit: String,
-    /// How the agent was prepared.
+    /// How the agent of the paper's judge was prepared.
     pub method: String,
+    /// Whoever judged, in the order in which they were asked.
+    pub judges: Vec<JudgeShown>,
+    /// Spearman's rank correlation between the judges, where there are two.
+    pub agreement: Option<f64>,
+    /// Where one judge is sure that a demonstration belongs to the best, and the other that it does not.
+    pub disagreements: Vec<Disagreement>,
     /// How many were to be kept, as it was asked for.
     pub keep: String,
     /// K of [`Entry::top`]: as many as were kept; before anything is kept, a quarter of the set.
     pub k: usize,
     /// Whether anything was kept yet.
     pub has_subset: bool,
-    /// Mean heuristic before imitating anything, over variants.
+    /// Mean heuristic of the deciding judge's agent before imitating anything, over variants.
     pub before: Score,
     /// The probability in each interval.
     pub level: f64,
@@ -81,7 +87,7 @@ pub struct Report {
     pub top_set: f64,
     /// The adapted behaviors distance (Table 1) over the set.
     pub adapted_behaviors_distance: f64,
-    /// One a demonstration and variant, in the order of judging.
+    /// One a judge, demonstration and variant, in the order of judging.
     pub curves: Vec<AdaptationCurve>,
     /// What the recordings alone say.
     pub opinions: Vec<Opinion>,
@@ -116,13 +122,43 @@ pub struct Entry {
     pub group: usize,
     /// Whether it was kept.
     pub kept: bool,
+    /// What each judge says of it, in the order of [`Report::judges`].
+    pub by_judge: Vec<Said>,
     /// S under each variant, in the order of the variants; empty where there is only one.
     pub by_variant: Vec<Score>,
+}
+
+/// A judge of the set.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct JudgeShown {
+    /// Who.
+    pub judge: Judge,
+    /// Whether its order is the one that is taken.
+    pub decides: bool,
+    /// Whether what it says counts.
+    pub vote: Vote,
+    /// How far its repeats agree with each other.
+    pub agrees_with_itself: Option<f64>,
+}
+
+/// What one judge says of a demonstration.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Said {
+    /// Its place, from 1.
+    pub place: usize,
+    /// S (Eq. 8).
+    pub gain: Score,
+    /// Lower end of the interval of S.
+    pub low: Score,
+    /// Upper end of the interval of S.
+    pub high: Score,
 }
 
 /// What the repeats of an adaptation went through.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct AdaptationCurve {
+    /// Whose.
+    pub judge: Judge,
     /// v_i.
     pub demo: DemoId,
     /// e_j.
@@ -207,9 +243,9 @@ pub struct Played {
 /// # Errors
 /// `is_bad_input` if the run has not judged yet, or a file of it is damaged.
 pub fn report(sources: &Sources<'_>) -> Result<Report> {
-    let Sources { ledger, set, task, uncertainty, .. } = *sources;
-    let scores = judged(ledger)?.scores;
-    let ranking = select::rank(&scores);
+    let Sources { ledger, set, task, panel, .. } = *sources;
+    let panel::Opinion { ranking, uncertainty, .. } = panel.deciding();
+    let scores = judged(ledger, panel.decides)?.scores;
     let subset = Subset::recall(ledger, "")?;
     let kept = subset.as_ref().map_or(&[][..], |subset| &subset.demos);
     let k = if kept.is_empty() { set.len().div_ceil(4) } else { kept.len() };
@@ -222,38 +258,52 @@ pub fn report(sources: &Sources<'_>) -> Result<Report> {
         control_step_secs: specification.control_step_secs,
         unit: task.heuristic().unit().to_owned(),
         method: sources.costs.method.to_string(),
+        judges: panel.opinions.iter().map(|opinion| shown_judge(opinion, panel.decides)).collect(),
+        agreement: panel.agreement,
+        disagreements: panel.disagreements.clone(),
         keep: sources.keep.to_string(),
         k,
         has_subset: subset.is_some(),
         before: metrics::mean(&before),
         level: uncertainty.level,
         caveat: uncertainty.caveat(),
-        entries: entries(sources, &scores, &ranking, (kept, k))?,
+        entries: entries(sources, &scores, (kept, k))?,
         groups: uncertainty.groups.len(),
         top_set: uncertainty.top_set.get(k - 1).copied().unwrap_or(f64::NAN),
         adapted_behaviors_distance: scores.adapted_behaviors_distance(),
-        curves: scores.suitabilities.iter().map(curve).collect(),
-        opinions: opinions(&ranking, sources.opinions),
+        curves: curves(sources)?,
+        opinions: opinions(ranking, sources.opinions),
         learning: learning(ledger, set)?,
         weights: Weighing::recall(ledger, "")?.map(trends),
         costs: played(sources.costs),
     })
 }
 
-/// What judging found; the error says that it has not found anything yet.
-pub fn judged(ledger: &dyn Ledger) -> Result<Judged> {
-    Judged::recall(ledger, "")?.ok_or_else(|| {
+/// What a judge found; the error says that it has not found anything yet.
+pub fn judged(ledger: &dyn Ledger, judge: Judge) -> Result<Judged> {
+    Judged::recall(ledger, judge.name())?.ok_or_else(|| {
         Error::bad_input("the run has not judged its demonstrations yet, so there is nothing to report")
             .with_hint("go on with it by `demosift sift --resume`")
     })
 }
 
-fn entries(
-    sources: &Sources<'_>,
-    scores: &ScoreTable,
-    ranking: &Ranking,
-    (kept, k): (&[DemoId], usize),
-) -> Result<Vec<Entry>> {
+fn shown_judge(opinion: &panel::Opinion, decides: Judge) -> JudgeShown {
+    let panel::Opinion { judge, vote, agrees_with_itself, .. } = *opinion;
+    JudgeShown { judge, decides: judge == decides, vote, agrees_with_itself }
+}
+
+/// The adaptation curves of all judges.
+fn curves(sources: &Sources<'_>) -> Result<Vec<AdaptationCurve>> {
+    let mut curves = Vec::new();
+    for opinion in &sources.panel.opinions {
+        let scores = judged(sources.ledger, opinion.judge)?.scores;
+        curves.extend(scores.suitabilities.iter().map(|of| curve(opinion.judge, of)));
+    }
+    Ok(curves)
+}
+
+fn entries(sources: &Sources<'_>, scores: &ScoreTable, (kept, k): (&[DemoId], usize)) -> Result<Vec<Entry>> {
+    let panel::Opinion { ranking, uncertainty, .. } = sources.panel.deciding();
     let variants = sources.task.specification().variants.len();
     let under: Vec<Ranking> = match variants {
         1 => Vec::new(),
@@ -261,11 +311,11 @@ fn entries(
     };
     let entry = |entry: &select::Ranked| {
         let demo = entry.demo;
-        let doubt = sources.uncertainty.of(demo).ok_or_else(|| foreign(demo))?;
+        let doubt = uncertainty.of(demo).ok_or_else(|| foreign(demo))?;
         let gain = |ranking: &Ranking| {
             ranking.entries.iter().find(|entry| entry.demo == demo).map_or(f64::NAN, |entry| entry.score)
         };
-        let group = sources.uncertainty.groups.iter().position(|group| group.contains(&demo));
+        let group = uncertainty.groups.iter().position(|group| group.contains(&demo));
         Ok(Entry {
             demo,
             steps: sources.set.get(demo).steps(),
@@ -277,18 +327,32 @@ fn entries(
             top: doubt.top.get(k - 1).copied().ok_or_else(|| foreign(demo))?,
             group: 1 + group.ok_or_else(|| foreign(demo))?,
             kept: kept.contains(&demo),
+            by_judge: sources
+                .panel
+                .opinions
+                .iter()
+                .map(|opinion| said(opinion, demo))
+                .collect::<Result<_>>()?,
             by_variant: under.iter().map(gain).collect(),
         })
     };
     ranking.entries.iter().map(entry).collect()
 }
 
+fn said(opinion: &panel::Opinion, demo: DemoId) -> Result<Said> {
+    let doubts = &opinion.uncertainty.demonstrations;
+    let place = doubts.iter().position(|doubt| doubt.demo == demo).ok_or_else(|| foreign(demo))?;
+    let doubt = &doubts[place];
+    Ok(Said { place: place + 1, gain: doubt.score, low: doubt.low, high: doubt.high })
+}
+
 fn foreign(demo: DemoId) -> Error {
     Error::bad_input(format!("the uncertainty of the scores says nothing of demonstration {demo}"))
 }
 
-fn curve(of: &Suitability) -> AdaptationCurve {
+fn curve(judge: Judge, of: &Suitability) -> AdaptationCurve {
     AdaptationCurve {
+        judge,
         demo: of.demo,
         variant: of.variant,
         before: of.mean_before(),

@@ -139,7 +139,7 @@ fn entry(table: &ScoreTable, demo: DemoId, counts: &impl Fn(EnvVariant) -> bool)
 /// let found = |demo, variant, before: [f64; 2], after: [f64; 2]| Suitability {
 ///     demo: DemoId(demo),
 ///     variant: EnvVariant(variant),
-///     before: before.to_vec(),
+///     before: vec![before.to_vec()],
 ///     after: vec![after.to_vec()],
 ///     distances: vec![0.0],
 ///     curves: vec![vec![]],
@@ -182,7 +182,7 @@ mod tests {
         let suitability = |&(variant, demo, after): &(usize, usize, f64)| Suitability {
             demo: DemoId(demo),
             variant: EnvVariant(variant),
-            before: vec![1.0, 3.0],
+            before: vec![vec![1.0, 3.0]],
             after: vec![vec![after, after], vec![after, after]],
             distances: Vec::new(),
             curves: Vec::new(),

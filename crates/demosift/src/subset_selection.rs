@@ -37,7 +37,7 @@ use crate::adapt::{InnerUpdate, MetaPrior};
 use crate::demonstration::{DemoId, DemonstrationSet};
 use crate::error::Result;
 use crate::heuristic::Score;
-use crate::judge::{self, Judged, Judging, ScoreTable, Suitability};
+use crate::judge::{self, Judging, JudgingState, ScoreTable, Start, Suitability, Trial};
 use crate::meta_train::{self, MetaState, MetaTraining, MutualInformation};
 use crate::observer::{Event, Observer};
 use crate::rollout::Playground;
@@ -250,17 +250,24 @@ fn assess(round: &Round<'_>, prior: &MetaPrior, observer: &mut dyn Observer) -> 
     let few = assessing(selection, judging);
     let seed = round.seed.of("judge").at(round.number);
     let mut within = Within { observer, round: round.number };
-    let listening = (&seed, &mut within as &mut dyn Observer);
-    let judged =
-        judge::judge(prior, round.set, round.playground, (&few, inner), Judged::default(), listening)?;
-    Ok(judged.scores)
+    let trial = Trial {
+        set: round.set,
+        playground: round.playground,
+        start: Start::Prior(prior),
+        inner,
+        judging: &few,
+        cut: round.set.len(),
+        part: "",
+        seed: &seed,
+    };
+    Ok(judge::judge(&trial, JudgingState::default(), &mut within)?.scores)
 }
 
 /// Judging as a round does it: each demonstration once, by few iterations.
 pub(crate) fn assessing(selection: &SubsetSelection, judging: &Judging) -> Judging {
     let iterations = selection.iterations;
     let averaged = judging.averaged.min(iterations);
-    Judging { iterations, averaged, repeats: 1, ..judging.clone() }
+    Judging { iterations, averaged, repeats: 1, most_repeats: 1, ..judging.clone() }
 }
 
 /// Line 6: Δ_i = (S_{v_i}|e_j by the spread of the scores under e_j), the mean over all e_j, `[n]`.
@@ -282,9 +289,9 @@ fn deltas(table: &ScoreTable, count: usize) -> Vec<f64> {
 
 /// The standard deviation of all episodes under a variant, θ's own among them once.
 fn spread(under: &[Suitability]) -> f64 {
-    let before = under.first().map_or(&[][..], |first| &first.before);
+    let before = under.first().into_iter().flat_map(|first| first.before.iter().flatten());
     let after = under.iter().flat_map(|suitability| suitability.after.iter().flatten());
-    let scores: Vec<Score> = before.iter().chain(after).copied().collect();
+    let scores: Vec<Score> = before.chain(after).copied().collect();
     let mean = scores.iter().sum::<Score>() / scores.len() as f64;
     (scores.iter().map(|score| (score - mean).powi(2)).sum::<f64>() / scores.len() as f64).sqrt()
 }

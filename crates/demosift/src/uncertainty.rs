@@ -56,7 +56,7 @@ pub struct Uncertainty {
     pub level: f64,
     /// Whether a part of the noise could not be seen, so that intervals are too narrow; [`Uncertainty::caveat`] says why.
     pub too_narrow: bool,
-    /// Adaptations per demonstration and variant.
+    /// Adaptations per demonstration and variant; the least where some got more.
     pub repeats: usize,
     /// M.
     pub evaluations: usize,
@@ -144,7 +144,7 @@ impl Uncertainty {
 /// let found = |demo, after: [[f64; 2]; 2]| Suitability {
 ///     demo: DemoId(demo),
 ///     variant: EnvVariant(0),
-///     before: vec![0.0, 0.2],
+///     before: vec![vec![0.0, 0.2]],
 ///     after: after.map(|scores| scores.to_vec()).to_vec(),
 ///     distances: vec![0.0; 2],
 ///     curves: vec![vec![]; 2],
@@ -168,7 +168,7 @@ impl Uncertainty {
 /// ```
 pub fn uncertainty(table: &ScoreTable, resampling: &Resampling, seed: &Seed) -> Result<Uncertainty> {
     let (judged, repeats, evaluations) = judged(table)?;
-    let draws = draw(&judged, (repeats, evaluations), resampling, seed)?;
+    let draws = draw(&judged, evaluations, resampling, seed)?;
     let top = top_probabilities(&draws);
     let (improves, near_best) = (share(&draws, |score, _| score > 0.0), share(&draws, is_near_best));
     let order = places(&judged);
@@ -205,15 +205,18 @@ struct Judged {
 struct UnderVariant {
     /// After less before on each evaluation seed, the mean over repeats, `[M]`.
     gains: Vec<Score>,
-    /// Sample variance of the repeats' means; 0 for a single one.
-    repeat_variance: f64,
+    /// Squared deviations of the repeats' means from their mean, summed.
+    repeat_squares: f64,
+    /// How many repeats there were.
+    repeats: usize,
 }
 
 /// The table by demonstration, in an order that does not depend on ids, with the numbers of repeats and evaluations.
 fn judged(table: &ScoreTable) -> Result<(Vec<Judged>, usize, usize)> {
     let suitabilities = &table.suitabilities;
     let first = suitabilities.first().ok_or_else(|| Error::bad_input("the score table is empty"))?;
-    let (repeats, evaluations) = (first.after.len(), first.before.len());
+    let repeats = suitabilities.iter().map(|of| of.after.len()).min().unwrap_or(0);
+    let evaluations = first.before.first().map_or(0, Vec::len);
     if repeats == 0 || evaluations == 0 {
         return Err(Error::bad_input(
             "the score table holds no scores; at least 1 repeat and 1 evaluation are needed",
@@ -236,7 +239,7 @@ fn judged(table: &ScoreTable) -> Result<(Vec<Judged>, usize, usize)> {
                     variant.0
                 )));
             };
-            check_shape(one, repeats, evaluations)?;
+            check_shape(one, evaluations)?;
             of_demo.push(one);
         }
         let score = mean(&of_demo.iter().map(|s| s.score()).collect::<Vec<_>>());
@@ -246,27 +249,28 @@ fn judged(table: &ScoreTable) -> Result<(Vec<Judged>, usize, usize)> {
     Ok((judged, repeats, evaluations))
 }
 
-fn check_shape(one: &Suitability, repeats: usize, evaluations: usize) -> Result<()> {
-    let lengths_fit = one.after.iter().chain([&one.before]).all(|scores| scores.len() == evaluations);
-    if one.after.len() == repeats && lengths_fit {
+fn check_shape(one: &Suitability, evaluations: usize) -> Result<()> {
+    if one.after.iter().chain(&one.before).all(|scores| scores.len() == evaluations) {
         return Ok(());
     }
     Err(Error::bad_input(format!(
-        "the score table must hold {repeats} repeats of {evaluations} evaluations for each demonstration, \
-         and holds others for demonstration {}",
+        "the score table must hold {evaluations} evaluations in each repeat of each demonstration, and holds others for \
+         demonstration {}",
         one.demo
     )))
 }
 
 fn under_variant(suitability: &Suitability) -> UnderVariant {
     let Suitability { before, after, .. } = suitability;
-    let gain = |(index, before): (usize, &Score)| {
-        mean(&after.iter().map(|scores| scores[index]).collect::<Vec<_>>()) - before
+    let at = |repeats: &[Vec<Score>], evaluation: usize| {
+        mean(&repeats.iter().map(|scores| scores[evaluation]).collect::<Vec<_>>())
     };
+    let evaluations = before.first().map_or(0, Vec::len);
     let repeats: Vec<f64> = after.iter().map(|scores| mean(scores)).collect();
     UnderVariant {
-        gains: before.iter().enumerate().map(gain).collect(),
-        repeat_variance: sample_variance(&repeats),
+        gains: (0..evaluations).map(|evaluation| at(after, evaluation) - at(before, evaluation)).collect(),
+        repeat_squares: squares(&repeats),
+        repeats: repeats.len(),
     }
 }
 
@@ -274,16 +278,16 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-fn sample_variance(values: &[f64]) -> f64 {
+fn squares(values: &[f64]) -> f64 {
     let mean = mean(values);
-    values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (values.len() as f64 - 1.0).max(1.0)
+    values.iter().map(|value| (value - mean).powi(2)).sum()
 }
 
 /// By everything that was measured, so that the order of the demonstrations in the set does not count.
 fn compare(left: &Judged, right: &Judged) -> std::cmp::Ordering {
     let numbers = |judged: &Judged| -> Vec<f64> {
         let of = |under: &UnderVariant| {
-            [under.repeat_variance].into_iter().chain(under.gains.clone()).collect::<Vec<_>>()
+            [under.repeat_squares].into_iter().chain(under.gains.clone()).collect::<Vec<_>>()
         };
         [judged.score].into_iter().chain(judged.variants.iter().flat_map(of)).collect()
     };
@@ -295,7 +299,7 @@ fn compare(left: &Judged, right: &Judged) -> std::cmp::Ordering {
 /// The scores drawn again, `[draws][demonstrations]`.
 fn draw(
     judged: &[Judged],
-    (repeats, evaluations): (usize, usize),
+    evaluations: usize,
     resampling: &Resampling,
     seed: &Seed,
 ) -> Result<Vec<Vec<Score>>> {
@@ -310,9 +314,7 @@ fn draw(
             }
         }
     }
-    if repeats > 1 {
-        add_repeats(&mut draws, judged, repeats, resampling, seed)?;
-    }
+    add_repeats(&mut draws, judged, resampling, seed)?;
     Ok(draws)
 }
 
@@ -325,38 +327,60 @@ fn deviation(gains: &[Score], picks: &[usize]) -> f64 {
     (picked - mean(gains)) * (count / (count - 1.0).max(1.0)).sqrt()
 }
 
-/// Adds what other adaptations would have changed, by Student's t for each demonstration.
+/// Adds what other adaptations would have changed, by Student's t for each demonstration; nothing where all were imitated
+/// once.
 fn add_repeats(
     draws: &mut [Vec<Score>],
     judged: &[Judged],
-    repeats: usize,
     resampling: &Resampling,
     seed: &Seed,
 ) -> Result<()> {
-    let variances: Vec<f64> = judged
-        .iter()
-        .map(|judged| mean(&judged.variants.iter().map(|under| under.repeat_variance).collect::<Vec<_>>()))
-        .collect();
-    let (common, variants) = (mean(&variances), judged[0].variants.len() as f64);
-    let own_freedom = variants * (repeats as f64 - 1.0);
-    let freedom = own_freedom + resampling.pooling;
-    let student = StudentT::new(freedom).map_err(|error| {
-        Error::bad_config(format!(
-            "{freedom} degrees of freedom of the repeats, and there must be some: {error}"
-        ))
-    })?;
+    let spreads: Vec<Spread> = judged.iter().map(Spread::of).collect();
+    let all_freedom: f64 = spreads.iter().map(|spread| spread.freedom).sum();
+    if all_freedom == 0.0 {
+        return Ok(());
+    }
+    let common = spreads.iter().map(|spread| spread.squares).sum::<f64>() / all_freedom;
     let mut stream = 0;
-    for (index, variance) in variances.iter().enumerate() {
+    for (index, spread) in spreads.iter().enumerate() {
         // Demonstrations of which the same was measured are the same one twice, and stay level in every draw.
         if index > 0 && compare(&judged[index - 1], &judged[index]).is_ne() {
             stream = index;
         }
+        let freedom = spread.freedom + resampling.pooling;
+        let student = StudentT::new(freedom).map_err(|error| {
+            Error::bad_config(format!(
+                "{freedom} degrees of freedom of the repeats, and there must be some: {error}"
+            ))
+        })?;
         let mut rng: Rng = seed.of("repeats").at(stream).into_rng();
-        let moderated = (own_freedom * variance + resampling.pooling * common) / freedom;
-        let error = (moderated / (repeats as f64 * variants)).sqrt();
+        let moderated = (spread.squares + resampling.pooling * common) / freedom;
+        let error = (moderated * spread.share).sqrt();
         draws.iter_mut().for_each(|draw| draw[index] += error * student.sample(&mut rng));
     }
     Ok(())
+}
+
+/// How the repeats of one demonstration lie about their means, all variants together.
+struct Spread {
+    /// Squared deviations, summed.
+    squares: f64,
+    /// Repeats beyond the first of each variant.
+    freedom: f64,
+    /// Variance of the mean over variants, for repeats of variance 1.
+    share: f64,
+}
+
+impl Spread {
+    fn of(judged: &Judged) -> Self {
+        let variants = judged.variants.len() as f64;
+        let of = |number: fn(&UnderVariant) -> f64| judged.variants.iter().map(number).sum::<f64>();
+        Self {
+            squares: of(|under| under.repeat_squares),
+            freedom: of(|under| under.repeats as f64 - 1.0),
+            share: of(|under| 1.0 / under.repeats as f64) / variants.powi(2),
+        }
+    }
 }
 
 /// The middle part of some draws that holds `level` of them.

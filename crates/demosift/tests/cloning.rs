@@ -14,6 +14,7 @@ use demosift::ledger::{InMemory, Ledger};
 use demosift::meta_train::Order;
 use demosift::method::Method;
 use demosift::observer::{Event, Observer, Silent};
+use demosift::panel::Judge;
 use demosift::point_mass::{PointMass, planted_set};
 use demosift::policy::PolicyShape;
 use demosift::preset::Preset;
@@ -75,9 +76,9 @@ fn informed(mut config: Config) -> Config {
 fn scores(set: &DemonstrationSet, playground: &Playground<'_>, config: &Config) -> (ScoreTable, u64) {
     let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
     let run = &mut Run { set, playground, config, ledger, observer };
-    let prior = experiment::prior(run).unwrap();
+    experiment::prior(run).unwrap();
     let learned = playground.steps_taken();
-    (experiment::scores(run, &prior).unwrap(), learned)
+    (experiment::scores(run, Judge::Paper).unwrap(), learned)
 }
 
 /// Degrees away from the goal; Spearman's order is that of their size.
@@ -187,7 +188,7 @@ fn sift(config: &Config, ledger: &mut InMemory, observer: &mut dyn Observer) -> 
 
 const NOUNS: [&str; 6] = [
     "prior.safetensors",
-    "scores.json",
+    "scores_paper.json",
     "policy_subset.safetensors",
     "learning_curve_subset.json",
     "policy_all.safetensors",

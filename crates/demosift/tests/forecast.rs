@@ -9,7 +9,7 @@ use demosift::artifact::Artifact as _;
 use demosift::behavioral_cloning::Cloning;
 use demosift::demonstration::{DemoId, DemonstrationSet};
 use demosift::demonstrator::{self, DemonstratorState, DemonstratorTraining};
-use demosift::experiment::{self, Config, Keeping, Run};
+use demosift::experiment::{self, CloningJudge, Config, Keeping, Run};
 use demosift::forecast::{self, By, Goal, Planned, Recording};
 use demosift::imitate::Imitation;
 use demosift::judge::Judging;
@@ -18,6 +18,7 @@ use demosift::meta_train::{MetaTraining, MutualInformation};
 use demosift::method::Method;
 use demosift::mutual_information::PosteriorFitting;
 use demosift::observer::Silent;
+use demosift::panel::Judges;
 use demosift::point_mass::{PointMass, planted_set};
 use demosift::policy::PolicyShape;
 use demosift::preset::Preset;
@@ -47,6 +48,17 @@ fn tiny(method: Method, rule: Rule) -> Config {
         },
         mutual_information: MutualInformation { batch_steps: 70, posterior, ..quick.mutual_information },
         judge: Judging { iterations: 3, averaged: 2, evaluations: 3, repeats: 2, ..quick.judge },
+        // No repeats are added, so that all of them are known before.
+        cloning_judge: CloningJudge {
+            judging: Judging {
+                iterations: 2,
+                averaged: 1,
+                repeats: 2,
+                most_repeats: 0,
+                ..quick.cloning_judge.judging
+            },
+            ..quick.cloning_judge
+        },
         // Never steady, so that all rounds are made.
         subset_selection: SubsetSelection {
             rounds: 2,
@@ -117,6 +129,23 @@ fn what_is_counted_is_what_is_played() {
             assert_eq!(planned, spent, "by weights, {rule:?}");
         }
     }
+}
+
+/// Repeats that a race spares are not known before.
+#[test]
+fn a_race_plays_at_most_what_is_counted() {
+    let mut config = tiny(Method::Maml, Rule::Gail);
+    config.judges = Judges::Cloning;
+    (config.cloning_judge.judging.repeats, config.cloning_judge.judging.most_repeats) = (2, 5);
+    let (set, task) = (set(), PointMass::new());
+    let playground = Playground::new(&task);
+    let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
+    let run = &mut Run { set: &set, playground: &playground, config: &config, ledger, observer };
+    let planned = forecast::planned(run, Goal::Scores).unwrap();
+    assert!(planned.len() == 1 && planned[0].at_most, "{planned:?}");
+    experiment::panel(run).unwrap();
+    assert!((1..=planned[0].environment_steps).contains(&playground.steps_taken()));
+    assert_eq!(forecast::planned(run, Goal::Scores).unwrap(), []);
 }
 
 /// Remembers checkpoints that a run forgets when it is done, and can forget the nouns instead, as if it had been killed.
@@ -210,8 +239,9 @@ fn minutes_follow_the_clock_and_nothing_is_kept() {
     };
     // Whatever is tried takes as long as one look at the clock.
     let (slow, slower) = (by_ticks(2.0), by_ticks(4.0));
-    let rounds = slow.stages[0].planned.updates as f64;
-    assert!((slow.stages[0].minutes - rounds * 2.0 / 60.0).abs() < 1e-9, "{slow:?}");
+    let learning = slow.stages.iter().find(|stage| stage.planned.stage == "meta_train").unwrap();
+    let rounds = learning.planned.updates as f64;
+    assert!((learning.minutes - rounds * 2.0 / 60.0).abs() < 1e-9, "{slow:?}");
     assert!((slower.minutes - 2.0 * slow.minutes).abs() < 1e-9);
     assert_eq!(slow.environment_steps, slower.environment_steps);
     assert!(ledger.0.is_empty());

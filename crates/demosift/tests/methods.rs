@@ -14,6 +14,7 @@ use demosift::meta_train::{MetaTraining, MutualInformation};
 use demosift::method::{Method, Plan};
 use demosift::mutual_information::PosteriorFitting;
 use demosift::observer::{Event, Observer, Silent};
+use demosift::panel::{Judge, Judges};
 use demosift::point_mass::{PointMass, planted_set};
 use demosift::policy::PolicyShape;
 use demosift::preset::Preset;
@@ -51,6 +52,7 @@ fn small(seed: u64, method: Method) -> Config {
             posterior: fitting,
             ..quick.mutual_information
         },
+        judges: Judges::Paper,
         judge: Judging { iterations: 6, evaluations: 10, repeats: 2, ..quick.judge },
         subset_selection: SubsetSelection {
             rounds: 6,
@@ -67,8 +69,7 @@ fn judged(set: &DemonstrationSet, task: &dyn Task, config: &Config) -> (Plan, u6
     let playground = &Playground::new(task);
     let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
     let run = &mut Run { set, playground, config, ledger, observer };
-    let prior = experiment::prior(run).unwrap();
-    experiment::scores(run, &prior).unwrap();
+    experiment::scores(run, Judge::Paper).unwrap();
     let costs = experiment::costs(run).unwrap();
     (costs.plan, costs.of_quota(), playground.steps_taken())
 }
@@ -143,8 +144,7 @@ fn section_5_other_methods_put_a_planted_good_demonstration_first() {
         let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
         let config = &small(3, method);
         let run = &mut Run { set: &set, playground: &Playground::new(&task), config, ledger, observer };
-        let prior = experiment::prior(run).unwrap();
-        let ranking = select::rank(&experiment::scores(run, &prior).unwrap());
+        let ranking = select::rank(&experiment::scores(run, Judge::Paper).unwrap());
         let first = ranking.entries[0].demo.0;
         assert!([1, 3].contains(&first), "{name}: {ranking:?}");
         assert!(ranking.entries[4].demo.0.is_multiple_of(2), "{name}: {ranking:?}");
@@ -160,8 +160,7 @@ fn section_5_avg_fine_tune_imitates_the_entire_set_first() {
         let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
         let config = &small(3, method);
         let run = &mut Run { set: &set, playground: &Playground::new(&task), config, ledger, observer };
-        let prior = experiment::prior(run).unwrap();
-        experiment::scores(run, &prior).unwrap().suitabilities[0].mean_before()
+        experiment::scores(run, Judge::Paper).unwrap().suitabilities[0].mean_before()
     };
     let (untrained, trained) = (before(Method::FromScratch), before(Method::AvgFineTune));
     assert!(trained > untrained + 0.3, "{untrained} became {trained}");
@@ -171,9 +170,9 @@ fn weigh(config: &Config, ledger: &mut InMemory, observer: &mut dyn Observer) ->
     let set = planted_set(&[180.0, 10.0, 120.0, -15.0, -130.0], Seed::new(50)).unwrap();
     let task = PointMass::new();
     let run = &mut Run { set: &set, playground: &Playground::new(&task), config, ledger, observer };
+    let panel = experiment::panel(run).unwrap();
+    let subset = experiment::selection(run, &panel).unwrap().subset;
     let prior = experiment::prior(run).unwrap();
-    let scores = experiment::scores(run, &prior).unwrap();
-    let subset = experiment::selection(run, &scores).unwrap().subset;
     let weighing = experiment::weighing(run, &prior).unwrap();
     assert_eq!(subset.demos, weighing.demos);
     weighing
@@ -248,13 +247,12 @@ fn a_method_killed_at_any_checkpoint_goes_on_to_the_same_bytes() {
             let set = planted_set(&[180.0, 10.0, 120.0], Seed::new(50)).unwrap();
             let (task, config) = (PointMass::new(), &config);
             let run = &mut Run { set: &set, playground: &Playground::new(&task), config, ledger, observer };
-            let prior = experiment::prior(run).unwrap();
-            experiment::scores(run, &prior).unwrap();
+            experiment::scores(run, Judge::Paper).unwrap();
         };
         let (mut whole, mut count) = (InMemory::default(), Count::default());
         all(&mut whole, &mut count);
         assert!(count.0 >= 3, "{method}: {}", count.0);
-        assert!(whole.recall("spent_judge.json").unwrap().is_some());
+        assert!(whole.recall("spent_judge_paper.json").unwrap().is_some());
         for kill in 1..=count.0 {
             let mut ledger = InMemory::default();
             let mut killed = KilledAt { checkpoints_left: kill };

@@ -4,10 +4,11 @@
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
 use demosift::adapt::{InnerUpdate, MetaPrior};
+use demosift::artifact::Artifact as _;
 use demosift::demonstration::{DemoId, DemonstrationSet};
 use demosift::demonstrator::{self, DemonstratorState, DemonstratorTraining, Stage};
 use demosift::environment::{EnvVariant, Task};
-use demosift::experiment::{self, Config, Keeping, Run, Sifted};
+use demosift::experiment::{self, CloningJudge, Config, Keeping, Run, Sifted};
 use demosift::imitate::Imitation;
 use demosift::judge::Judging;
 use demosift::ledger::{InMemory, Ledger};
@@ -15,6 +16,7 @@ use demosift::meta_train::{MetaTraining, MutualInformation};
 use demosift::method::Method;
 use demosift::mutual_information::PosteriorFitting;
 use demosift::observer::{Event, Observer, Silent};
+use demosift::panel::{Judge, Judges};
 use demosift::point_mass::{PointMass, planted_set};
 use demosift::policy::PolicyShape;
 use demosift::preset::Preset;
@@ -57,7 +59,18 @@ fn small(seed: u64) -> Config {
             },
             ..quick.mutual_information
         },
+        judges: Judges::Both,
         judge: Judging { iterations: 6, evaluations: 10, repeats: 2, ..quick.judge },
+        cloning_judge: CloningJudge {
+            judging: Judging {
+                iterations: 10,
+                averaged: 3,
+                repeats: 2,
+                most_repeats: 4,
+                ..quick.cloning_judge.judging
+            },
+            ..quick.cloning_judge
+        },
         subset_selection: SubsetSelection {
             rounds: 5,
             meta_updates: 2,
@@ -85,8 +98,7 @@ fn scores(set: &DemonstrationSet, task: &dyn Task, config: &Config) -> demosift:
         ledger: &mut InMemory::default(),
         observer: &mut Silent,
     };
-    let prior = experiment::prior(run).unwrap();
-    experiment::scores(run, &prior).unwrap()
+    experiment::scores(run, Judge::Paper).unwrap()
 }
 
 fn order(ranking: &select::Ranking) -> Vec<usize> {
@@ -103,6 +115,36 @@ fn planted_good_demonstrations_come_first() {
         let mut first = found[..2].to_vec();
         first.sort_unstable();
         assert_eq!(first, [1, 3], "seed {seed}: {found:?}");
+    }
+}
+
+/// The judge by cloning, each repeat of which starts from another policy that knows nothing.
+#[test]
+fn c_4_planted_good_demonstrations_come_first_by_cloning_too() {
+    let bearings = [180.0, 10.0, 120.0, -15.0, -130.0];
+    for seed in 0..4 {
+        let set = planted_set(&bearings, Seed::new(50 + seed)).unwrap();
+        let (task, config) = (PointMass::new(), small(seed));
+        let run = &mut Run {
+            set: &set,
+            playground: &Playground::new(&task),
+            config: &config,
+            ledger: &mut InMemory::default(),
+            observer: &mut Silent,
+        };
+        let table = experiment::scores(run, Judge::Cloning).unwrap();
+        assert!(run.ledger.recall("prior.safetensors").unwrap().is_none(), "it needs no prior");
+        let found = order(&select::rank(&table));
+        let mut first = found[..2].to_vec();
+        first.sort_unstable();
+        assert_eq!(first, [1, 3], "seed {seed}: {found:?}");
+        for of in &table.suitabilities {
+            assert!((2..=4).contains(&of.after.len()), "{} repeats", of.after.len());
+            assert_ne!(of.before[0], of.before[1], "each repeat starts from a policy of its own");
+        }
+        let panel = experiment::panel(run).unwrap();
+        assert_eq!(panel.decides, Judge::Cloning);
+        assert!(panel.deciding().agrees_with_itself.unwrap() > 0.5);
     }
 }
 
@@ -139,9 +181,11 @@ fn scores_do_not_depend_on_the_order_of_the_demonstrations() {
         let playground = &Playground::new(&task);
         let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
         let mut run = Run { set, playground, config: &config, ledger, observer };
-        let prior = prior.cloned().unwrap_or_else(|| experiment::prior(&mut run).unwrap());
-        let table = experiment::scores(&mut run, &prior).unwrap();
-        (prior, table)
+        if let Some(prior) = prior {
+            prior.keep(run.ledger, "").unwrap();
+        }
+        let table = experiment::scores(&mut run, Judge::Paper).unwrap();
+        (experiment::prior(&mut run).unwrap(), table)
     };
     let (prior, table) = run(&set, None);
     let ranked = order(&select::rank(&table));
@@ -193,7 +237,7 @@ fn eq_8_all_demonstrations_are_compared_with_the_same_episodes_before() {
         assert_eq!(suitability.before, first.before);
         assert_eq!((suitability.after.len(), suitability.after[0].len()), (2, 10));
         let mean = |scores: &[f64]| scores.iter().sum::<f64>() / scores.len() as f64;
-        let gain = mean(&suitability.after.concat()) - mean(&suitability.before);
+        let gain = mean(&suitability.after.concat()) - mean(&suitability.before.concat());
         assert!((suitability.score() - gain).abs() < 1e-12);
     }
     assert_ne!(table.suitabilities[0].before, table.suitabilities[3].before, "another goal");
@@ -281,9 +325,12 @@ fn sift(config: &Config, ledger: &mut InMemory, observer: &mut dyn Observer) -> 
     experiment::sift(&mut Run { set: &set, playground, config, ledger, observer }).unwrap()
 }
 
-const NOUNS: [&str; 8] = [
+const NOUNS: [&str; 11] = [
     "prior.safetensors",
-    "scores.json",
+    "scores_cloning.json",
+    "adapted_cloning.safetensors",
+    "scores_paper.json",
+    "panel.json",
     "ranking.json",
     "subset.json",
     "policy_subset.safetensors",

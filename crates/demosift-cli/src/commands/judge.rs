@@ -1,9 +1,11 @@
 //! `demosift judge`: MetaPrior → ScoreTable.
 
+use demosift::Result;
 use demosift::experiment;
 use demosift::forecast::Goal;
-use demosift::{Result, select};
-use serde_json::json;
+use demosift::judge::ScoreTable;
+use demosift::panel::{Judge, Opinion, Panel};
+use serde_json::{Value, json};
 
 use super::{dry_run, kept_in};
 use crate::arguments::JobArguments;
@@ -11,28 +13,29 @@ use crate::job::{Job, Prior};
 use crate::tables::by_variant;
 use crate::tables::costs;
 use crate::tables::judgment::{self, Judgment};
-use crate::terminal;
+use crate::{tables, terminal};
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = Job::open(arguments, Prior::Needed)?;
     if arguments.run.dry_run {
         return dry_run::of_job(&mut job, Goal::Scores, &arguments.run);
     }
-    let (scores, uncertainty, data_only) = job.run(|run| {
-        let prior = experiment::prior(run)?;
-        let scores = experiment::scores(run, &prior)?;
-        let uncertainty = experiment::doubts(run, &scores)?;
-        Ok((scores, uncertainty, experiment::data_only(run)?))
+    let panel = first_then_all(&mut job, arguments.run.json)?;
+    let (tables, data_only) = job.run(|run| {
+        let tables = run.config.judges.each().iter().map(|judge| experiment::scores(run, *judge));
+        Ok((tables.collect::<Result<Vec<_>>>()?, experiment::data_only(run)?))
     })?;
     let costs = job.costs()?;
-    let (ranking, beside) = (select::rank(&scores), job.beside(data_only));
+    let (Opinion { ranking, uncertainty, .. }, beside) = (panel.deciding(), job.beside(data_only));
+    let found = || panel.opinions.iter().zip(&tables);
     if arguments.run.json {
+        let judges: Vec<_> = found().map(|(opinion, scores)| of_judge(opinion, scores)).collect();
         terminal::show_json(&json!({
-            "scores": scores,
-            "adapted_behaviors_distance": scores.adapted_behaviors_distance(),
-            "uncertainty": uncertainty,
-            "caveat": uncertainty.caveat(),
-            "data_only": judgment::data_only_json(&ranking, &beside.data_only),
+            "judges": judges,
+            "decides": panel.decides,
+            "agreement": panel.agreement,
+            "disagreements": panel.disagreements,
+            "data_only": judgment::data_only_json(ranking, &beside.data_only),
             "costs": costs::as_json(&costs),
             "unit": job.unit(),
             "variant": job.variant(),
@@ -40,13 +43,46 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
         }));
         return Ok(());
     }
-    let judgment =
-        Judgment { set: job.set(), ranking: &ranking, uncertainty: &uncertainty, unit: job.unit() };
+    let judgment = Judgment { set: job.set(), ranking, uncertainty, unit: job.unit() };
     terminal::show(&judgment::ranking(&judgment, None));
-    terminal::show(&by_variant::gains(&scores, job.variants(), job.unit()));
-    terminal::show(&judgment::distance(&scores));
-    terminal::show(&judgment::beside(&ranking, &beside));
+    for (opinion, scores) in found().filter(|(opinion, _)| opinion.judge == panel.decides) {
+        terminal::show(&by_variant::gains(scores, job.variants(), job.unit()));
+        terminal::show(&judgment::distance(scores, opinion.judge));
+    }
+    terminal::show(&tables::panel::judges(&panel, job.unit()));
+    terminal::show(&judgment::beside(ranking, &beside));
     terminal::show(&costs::played(&costs));
     terminal::show(&kept_in(job.folder(), job.variant()));
     Ok(())
+}
+
+fn of_judge(opinion: &Opinion, scores: &ScoreTable) -> Value {
+    json!({
+        "judge": opinion.judge,
+        "vote": opinion.vote,
+        "agrees_with_itself": opinion.agrees_with_itself,
+        "scores": scores,
+        "adapted_behaviors_distance": scores.adapted_behaviors_distance(),
+        "uncertainty": opinion.uncertainty,
+        "caveat": opinion.uncertainty.caveat(),
+    })
+}
+
+/// What all judges say; the table of the one that is done within seconds stands on the screen before the others begin.
+pub(super) fn first_then_all(job: &mut Job, json: bool) -> Result<Panel> {
+    let several = job.run(|run| Ok(run.config.judges.each().len() > 1))?;
+    if several && !json {
+        let first = job.run(|run| experiment::opinion(run, Judge::Cloning))?;
+        let judgment = Judgment {
+            set: job.set(),
+            ranking: &first.ranking,
+            uncertainty: &first.uncertainty,
+            unit: job.unit(),
+        };
+        terminal::show(&format!(
+            "First, by cloning alone; the judge of the paper follows.\n\n{}\n",
+            judgment::ranking(&judgment, None)
+        ));
+    }
+    job.run(experiment::panel)
 }

@@ -46,10 +46,12 @@ pub(super) fn write(job: &mut Job) -> Result<PathBuf> {
 }
 
 fn gather(job: &mut Job) -> Result<Found> {
-    let (uncertainty, opinions, costs) = job.run(|run| {
-        let scores = report::judged(run.ledger)?.scores;
+    let (panel, opinions, costs) = job.run(|run| {
+        for judge in run.config.judges.each() {
+            report::judged(run.ledger, *judge)?;
+        }
         let opinions = DataOnly::recall(run.ledger, "")?.unwrap_or_default();
-        Ok((experiment::doubts(run, &scores)?, opinions, experiment::costs(run)?))
+        Ok((experiment::panel(run)?, opinions, experiment::costs(run)?))
     })?;
     let beside = job.beside(opinions);
     let report = report::report(&Sources {
@@ -57,7 +59,7 @@ fn gather(job: &mut Job) -> Result<Found> {
         set: job.set(),
         task: job.chosen().task.as_ref(),
         keep: job.keep(),
-        uncertainty: &uncertainty,
+        panel: &panel,
         opinions: &beside.data_only,
         costs: &costs,
     })?;

@@ -47,9 +47,8 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
 
 /// All arrows up to the selection.
 pub(super) fn selection(run: &mut Run<'_>) -> Result<Selection> {
-    let prior = experiment::prior(run)?;
-    let scores = experiment::scores(run, &prior)?;
-    experiment::selection(run, &scores)
+    let panel = experiment::panel(run)?;
+    experiment::selection(run, &panel)
 }
 
 /// How the demonstrations were weighed, where the subset came of that.

@@ -7,11 +7,10 @@ use demosift::method::Costs;
 use demosift::subset_selection::Weighing;
 use serde_json::json;
 
-use super::{dry_run, kept_in, report, select};
+use super::{dry_run, judge, kept_in, report, select};
 use crate::arguments::JobArguments;
 use crate::job::{Job, Prior};
 use crate::own_heuristic::Beside;
-use crate::tables::by_variant;
 use crate::tables::judgment::{self, Judgment};
 use crate::tables::{costs, weights};
 use crate::{tables, terminal};
@@ -21,6 +20,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     if arguments.run.dry_run {
         return dry_run::of_job(&mut job, Goal::Comparison, &arguments.run);
     }
+    judge::first_then_all(&mut job, arguments.run.json)?;
     let sifted = job.run(experiment::sift)?;
     let (weighing, costs) = (select::weighing(&mut job)?, job.costs()?);
     let Sifted { selection, from_subset, from_all, gain, .. } = &sifted;
@@ -32,6 +32,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
             "ranking": ranking.entries,
             "uncertainty": uncertainty,
             "caveat": uncertainty.caveat(),
+            "judges": sifted.panel,
             "data_only": judgment::data_only_json(ranking, &beside.data_only),
             "kept": subset.demos,
             "weighing": weighing,
@@ -56,11 +57,11 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
 
 /// The tables of the whole job.
 fn show(job: &Job, sifted: &Sifted, weighing: Option<&Weighing>, beside: &Beside, costs: &Costs) {
-    let Sifted { scores, selection, from_subset, from_all, .. } = sifted;
+    let Sifted { panel, selection, from_subset, from_all, .. } = sifted;
     let Selection { ranking, uncertainty, subset } = selection;
     let judgment = Judgment { set: job.set(), ranking, uncertainty, unit: job.unit() };
     terminal::show(&judgment::ranking(&judgment, Some((subset, job.keep()))));
-    terminal::show(&by_variant::gains(scores, job.variants(), job.unit()));
+    terminal::show(&tables::panel::judges(panel, job.unit()));
     terminal::show(&weighing.map_or(String::new(), |weighing| format!("\n{}", weights::trends(weighing))));
     terminal::show(&judgment::beside(ranking, beside));
     terminal::show("\n");

@@ -1,5 +1,5 @@
 "use strict";
-// Demonstration, agent before, agent after, side by side: one scene that takes the pose of each in turn.
+// Demonstration, agent before, and agent after by each judge, side by side: one scene that takes the pose of each in turn.
 
 (function () {
   const { scene: model, episodes, missing } = replay;
@@ -9,7 +9,7 @@
     section.append(el("p", { class: "soft" }, missing ?? "There is nothing to play."));
     return;
   }
-  section.append(el("p", { class: "soft" }, "A demonstration as it was recorded, and the agent before and after imitating it. Of the episodes that the agent was scored by, this is the one whose scores are the most typical; its start is the same for all. Drag to turn, and use the wheel with Ctrl to come nearer."));
+  section.append(el("p", { class: "soft" }, "A demonstration as it was recorded, and the agent before and after imitating it by each judge. Of the episodes that the agent was scored by, this is the one whose scores are the most typical; its start is the same for all. Drag to turn, and use the wheel with Ctrl to come nearer."));
   if (missing) section.append(el("p", { class: "small" }, missing));
   if (model.left_out) section.append(el("p", { class: "small" }, `${model.left_out} shape${model.left_out > 1 ? "s" : ""} of the model (meshes or fields of heights) cannot be drawn here.`));
 
@@ -34,21 +34,26 @@
   const speed = el("select", { "aria-label": "speed", on: { change: () => { state.speed = Number(speed.value); } } },
     [[1, "1×"], [0.5, "½×"], [0.25, "¼×"]].map(([value, name]) => el("option", { value }, name)));
   const canvas = el("canvas", { "aria-label": "3-D replay of demonstration, agent before and agent after" });
-  const panels = ["Demonstration", "Agent before", "Agent after"].map((name) => ({ name, label: el("div", {}), box: el("div", { class: "panel" }), episode: null }));
+  const decider = report.judges.find((one) => one.decides).judge;
+  const after = report.judges.map(({ judge }) => ({ name: report.judges.length > 1 ? `Agent after, by ${judge}` : "Agent after", part: "after", judge }));
+  const panels = [{ name: "Demonstration", part: "demonstration", judge: null }, { name: "Agent before", part: "before", judge: decider }, ...after]
+    .map((panel) => ({ ...panel, label: el("div", {}), box: el("div", { class: "panel" }), episode: null }));
   for (const panel of panels) panel.box.append(panel.label);
-  const stage = el("div", { class: "stage" }, canvas, panels.map((panel) => panel.box));
+  const stage = el("div", { class: `stage of${panels.length}` }, canvas, panels.map((panel) => panel.box));
   section.append(
     el("div", { class: "controls" },
       el("label", {}, "Demonstration", choose), several ? el("label", {}, "Variant", chooseVariant) : null,
       play, scrub, clock, speed, el("button", { on: { click: () => look() } }, "Reset view")),
     stage);
 
-  const find = (part, demo, variant) => episodes.find((one) => one.part === part && one.demo === demo && one.variant === variant) ?? null;
+  const shown = {
+    demonstration: (one) => one.part === "demonstration" && one.demo === state.demo,
+    before: (one, judge) => one.part === "before" && one.judge === judge && one.variant === state.variant,
+    after: (one, judge) => one.part === "after" && one.judge === judge && one.demo === state.demo && one.variant === state.variant,
+  };
 
   function cast() {
-    panels[0].episode = find("demonstration", state.demo, null);
-    panels[1].episode = find("before", null, state.variant);
-    panels[2].episode = find("after", state.demo, state.variant);
+    for (const panel of panels) panel.episode = episodes.find((one) => shown[panel.part](one, panel.judge)) ?? null;
     for (const panel of panels) {
       const episode = panel.episode;
       panel.label.className = episode ? "" : "none";

@@ -2,13 +2,12 @@
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use demosift::adapt::MetaPrior;
-use demosift::artifact::Artifact;
 use demosift::environment::Task as _;
 use demosift::heuristic::Score;
+use demosift::panel::Judge;
 use demosift::report::{self, Part, Shown};
 use demosift::trajectory::StateLog;
-use demosift::{Error, Result, experiment};
+use demosift::{Result, experiment};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::replay::measurements;
 use demosift_mujoco::scene::{self, Scene};
@@ -32,6 +31,8 @@ pub(crate) struct Replay {
 struct Episode {
     /// `demonstration`, `before` or `after`.
     part: &'static str,
+    /// Whose agent it is.
+    judge: Option<Judge>,
     demo: Option<usize>,
     variant: Option<usize>,
     steps: usize,
@@ -48,6 +49,7 @@ struct Episode {
 /// An episode before its poses are known.
 struct Cast {
     part: &'static str,
+    judge: Option<Judge>,
     demo: Option<usize>,
     variant: Option<usize>,
     steps: usize,
@@ -89,7 +91,7 @@ fn played(task: &MujocoTask, job: &mut Job) -> Result<Replay> {
         }
         Err(error) => return Err(error),
     };
-    cast.extend(shown.into_iter().map(of_agent));
+    cast.extend(shown);
     let scene = scene::scene(task)?;
     let steps = cast.iter().map(|cast| cast.steps).sum();
     let stride = scene::stride(&scene, steps, MOST_BYTES);
@@ -104,6 +106,7 @@ fn demonstrations(task: &MujocoTask, job: &Job, recorded: Vec<StateLog>) -> Resu
             .map_err(|error| error.during(&format!("demonstration {demo}")))?;
         Ok(Cast {
             part: "demonstration",
+            judge: None,
             demo: Some(demo.0),
             variant: None,
             steps: recording.steps(),
@@ -115,13 +118,14 @@ fn demonstrations(task: &MujocoTask, job: &Job, recorded: Vec<StateLog>) -> Resu
     cast.collect()
 }
 
-fn of_agent(shown: Shown) -> Cast {
+fn of_agent(judge: Judge, shown: Shown) -> Cast {
     let (part, demo) = match shown.part {
         Part::Before => ("before", None),
         Part::After(demo) => ("after", Some(demo.0)),
     };
     Cast {
         part,
+        judge: Some(judge),
         demo,
         variant: Some(shown.variant.0),
         steps: shown.steps,
@@ -131,13 +135,19 @@ fn of_agent(shown: Shown) -> Cast {
     }
 }
 
-fn agent(job: &mut Job) -> Result<Vec<Shown>> {
+/// What each judge's agent did before and after imitating each demonstration.
+fn agent(job: &mut Job) -> Result<Vec<Cast>> {
     job.run(|run| {
-        let judged = report::judged(run.ledger)?;
-        let prior = MetaPrior::recall(run.ledger, "")?
-            .ok_or_else(|| Error::bad_input("the run folder holds no prior.safetensors any more"))?;
-        let seed = experiment::judging_seed(run.config);
-        report::agent_episodes(run.playground, &prior.policy, &judged, &run.config.judge, &seed)
+        let mut cast = Vec::new();
+        for &judge in run.config.judges.each() {
+            let judged = report::judged(run.ledger, judge)?;
+            let (judging, seed) =
+                (experiment::judging(run, judge), experiment::judging_seed(run.config, judge));
+            let start = experiment::first_start(run, judge)?;
+            let shown = report::agent_episodes(run.playground, &start, &judged, &judging, &seed)?;
+            cast.extend(shown.into_iter().map(|shown| of_agent(judge, shown)));
+        }
+        Ok(cast)
     })
 }
 
@@ -145,6 +155,7 @@ fn episode(task: &MujocoTask, cast: &Cast, stride: usize) -> Result<Episode> {
     let motion = scene::motion(task, &cast.states, cast.steps, stride)?;
     Ok(Episode {
         part: cast.part,
+        judge: cast.judge,
         demo: cast.demo,
         variant: cast.variant,
         steps: cast.steps,

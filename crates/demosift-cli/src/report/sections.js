@@ -12,7 +12,8 @@ const keptDemos = report.entries.filter((entry) => entry.kept).map((entry) => en
 const listed = (demos) => [...demos].sort((a, b) => a - b).join(", ");
 
 const STAGES = {
-  meta_train: "learning to imitate", pre_train: "imitating the entire set", judge: "judging", subset_selection: "weighing",
+  meta_train: "learning to imitate", pre_train: "imitating the entire set",
+  judge_cloning: "judging by cloning", judge_paper: "judging by the paper's judge", subset_selection: "weighing",
   imitate_subset: "from scratch, the kept", imitate_all: "from scratch, all",
 };
 
@@ -92,6 +93,39 @@ function ranking() {
     el("p", { class: "soft" }, `How much better imitating each demonstration makes the agent. The upright line is the agent as it was before (${fixed(report.before, scoreDecimals)}${unit}).`),
     el("div", { class: "scroll" }, el("table", { id: "places" }, el("thead", {}, head), el("tbody", {}, rows))),
     remarks());
+}
+
+const JUDGES = { cloning: "the judge by cloning", paper: "the judge of the paper" };
+const NO_VOTE = {
+  disagrees_with_itself: "its repeats agree with each other no better than chance, so imitating by it taught the agent nothing that can be told apart here",
+  taught_nothing: "imitating by it surely made the agent better for no demonstration",
+};
+
+function judges() {
+  const { judges, entries, agreement, disagreements } = report;
+  const correlation = (value) => (value == null ? "unknown" : fixed(value, 2));
+  const said = judges.filter((one) => NO_VOTE[one.vote]).map((one) => `No vote for ${JUDGES[one.judge]}: ${NO_VOTE[one.vote]}.`);
+  for (const { judge } of judges) {
+    const demos = disagreements.filter((one) => one.kept_by === judge).map((one) => one.demo);
+    const other = judges.find((one) => one.judge !== judge);
+    if (demos.length) said.push(`They clearly disagree about ${listed(demos)}: ${JUDGES[judge]} is sure that it belongs to the best, and ${JUDGES[other.judge]} that it does not. The replay shows what each imitation did.`);
+  }
+  if (judges.length < 2 && !said.length) return;
+  const disputed = new Set(disagreements.map((one) => one.demo));
+  const cells = (one) => [
+    el("td", {}, `${one.place}`), el("td", {}, signed(one.gain, scoreDecimals)),
+    el("td", { class: "left wide" }, `${signed(one.low, scoreDecimals)} to ${signed(one.high, scoreDecimals)}`)];
+  const rows = entries.map((entry) => el("tr", { class: entry.kept ? "kept" : null },
+    el("td", { class: "left" }, `${entry.demo}`), entry.by_judge.flatMap(cells),
+    el("td", { class: "left" }, disputed.has(entry.demo) ? el("span", { class: "tag" }, "disputed") : "")));
+  const heads = judges.flatMap((one) => [el("th", {}, `place by ${one.judge}`), el("th", {}, inUnit("gain")), el("th", { class: "left wide" }, `${percent(report.level)} interval`)]);
+  const decider = judges.find((one) => one.decides);
+  into("judges",
+    el("h2", {}, judges.length > 1 ? "What each judge says" : "The judge"),
+    judges.length > 1 ? el("p", { class: "soft" }, `The order is that of ${JUDGES[decider.judge]}. Rank correlation between the two judges: ${correlation(agreement)}; of each with itself, from one repeat to the others: ${judges.map((one) => `${JUDGES[one.judge]} ${correlation(one.agrees_with_itself)}`).join(", ")}.`) : null,
+    said.map((text) => el("p", { class: "small" }, text)),
+    judges.length > 1 ? el("div", { class: "scroll" }, el("table", {},
+      el("thead", {}, el("tr", {}, el("th", { class: "left" }, "demonstration"), heads, el("th", {}))), el("tbody", {}, rows))) : null);
 }
 
 function variants() {
@@ -232,6 +266,7 @@ function configuration() {
 
 heading();
 ranking();
+judges();
 variants();
 learning();
 adaptation();

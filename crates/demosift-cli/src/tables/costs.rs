@@ -1,7 +1,7 @@
 //! What the stages of a run cost in environment steps, beside the budget that all methods have.
 
 use demosift::method::Costs;
-use demosift::{demonstrator, judge, meta_train, pre_train, subset_selection};
+use demosift::{demonstrator, meta_train, pre_train, subset_selection};
 use serde_json::{Map, Value, json};
 
 use super::{table, wrapped};
@@ -16,13 +16,16 @@ pub(crate) fn played(costs: &Costs) -> String {
         .iter()
         .map(|(stage, spent)| vec![in_words(stage), spent.environment_steps.to_string()])
         .collect();
-    let what = format!(
-        "What was played, in environment steps. Every method may spend {} on learning to imitate and judging; {} spent \
-         {} of them.",
-        costs.plan.quota,
-        costs.method,
-        costs.of_quota()
-    );
+    let of_the_method = match costs.spent.iter().any(|(stage, _)| *stage == costs.judging) {
+        true => format!(
+            " Every method of the paper may spend {} on learning to imitate and judging; {} spent {} of them.",
+            costs.plan.quota,
+            costs.method,
+            costs.of_quota()
+        ),
+        false => String::new(),
+    };
+    let what = format!("What was played, in environment steps.{of_the_method}");
     format!("\n{}\n\n{}", wrapped(&what), table(&["stage", "environment steps"], &rows))
 }
 
@@ -42,7 +45,8 @@ pub(super) fn in_words(stage: &str) -> String {
     match stage {
         meta_train::STAGE => "learning to imitate",
         pre_train::STAGE => "imitating the entire set",
-        judge::STAGE => "judging",
+        "judge_cloning" => "judging by cloning",
+        "judge_paper" => "judging by the paper's judge",
         subset_selection::STAGE => "weighing",
         "imitate_subset" => "from scratch, the kept",
         "imitate_all" => "from scratch, all",

@@ -4,6 +4,7 @@ use demosift::data_only::DataOnly;
 use demosift::demonstration::{DemoId, DemonstrationSet};
 use demosift::judge::ScoreTable;
 use demosift::metrics;
+use demosift::panel::Judge;
 use demosift::select::{Keep, Ranking, Subset};
 use demosift::uncertainty::Uncertainty;
 use serde_json::{Value, json};
@@ -67,9 +68,10 @@ pub(crate) fn ranking(judgment: &Judgment<'_>, kept: Option<(&Subset, Keep)>) ->
 }
 
 /// How well the demonstrations were imitated, whatever that did for the task.
-pub(crate) fn distance(scores: &ScoreTable) -> String {
+pub(crate) fn distance(scores: &ScoreTable, judge: Judge) -> String {
     let what = format!(
-        "Adapted behaviors distance, the mean over the demonstrations (the lower, the better they were imitated): {:.3}",
+        "Adapted behaviors distance by {}, the mean over the demonstrations (the lower, the better they were imitated): {:.3}",
+        super::panel::in_words(judge),
         scores.adapted_behaviors_distance()
     );
     format!("\n{}\n", wrapped(&what))
@@ -113,8 +115,8 @@ fn why_kept(uncertainty: &Uncertainty, subset: &Subset) -> String {
         |demo: &DemoId| uncertainty.of(*demo).is_some_and(|doubt| doubt.improves >= uncertainty.level);
     if !subset.demos.iter().all(improves) {
         return format!(
-            "No demonstration makes the agent better with a probability of {level}; kept were those that may be the \
-             best."
+            "Nothing surely helps: no demonstration makes the agent better with a probability of {level}; kept were those \
+             that may be the best."
         );
     }
     let all =

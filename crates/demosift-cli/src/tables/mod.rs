@@ -4,6 +4,7 @@ pub(crate) mod by_variant;
 pub(crate) mod costs;
 pub(crate) mod forecast;
 pub(crate) mod judgment;
+pub(crate) mod panel;
 pub(crate) mod study;
 pub(crate) mod weights;
 

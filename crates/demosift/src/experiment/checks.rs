@@ -3,11 +3,12 @@
 use super::Config;
 use crate::adapt::{InnerUpdate, Rule};
 use crate::advantage::AdvantageEstimation;
-use crate::behavioral_cloning::Descent;
+use crate::behavioral_cloning::{Cloning, Descent};
 use crate::demonstration::DemonstrationSet;
 use crate::demonstrator::DemonstratorTraining;
 use crate::environment::Specification;
 use crate::error::{Error, Result};
+use crate::judge::Judging;
 use crate::meta_train::{MutualInformation, Order};
 use crate::method::Method;
 use crate::policy::PolicyShape;
@@ -89,8 +90,8 @@ pub fn check_has_weights(method: Method) -> Result<()> {
 
 /// Whether each number of the configuration means something by itself.
 fn check_numbers(config: &Config) -> Result<()> {
-    let Config { policy, inner, meta_train, mutual_information, judge, subset_selection, imitate, .. } =
-        config;
+    let Config { policy, inner, meta_train, mutual_information, subset_selection, imitate, .. } = config;
+    let Config { judge, cloning_judge, .. } = config;
     let mut numbers = Numbers::default();
     numbers.policy("policy", policy);
     numbers.update("inner", inner);
@@ -104,10 +105,9 @@ fn check_numbers(config: &Config) -> Result<()> {
     numbers.number("meta_train.policy_learning_rate", meta_train.policy_learning_rate, Wanted::Positive);
     numbers.widths("meta_train.discriminator_hidden", &meta_train.discriminator_hidden);
     numbers.information("mutual_information", mutual_information);
-    numbers.count("judge.iterations", judge.iterations);
-    numbers.count("judge.averaged", judge.averaged);
-    numbers.count("judge.evaluations", judge.evaluations);
-    numbers.count("judge.repeats", judge.repeats);
+    numbers.judging("judge", judge);
+    numbers.judging("cloning_judge.judging", &cloning_judge.judging);
+    numbers.cloning("cloning_judge.cloning", &cloning_judge.cloning);
     numbers.subset_selection("subset_selection", subset_selection);
     numbers.count("imitate.evaluations", imitate.evaluations);
     numbers.update("imitate.update", &imitate.update);
@@ -185,10 +185,20 @@ impl Numbers {
         self.number(&format!("{name}.discriminator.learning_rate"), rate, Wanted::Positive);
         self.number(&format!("{name}.discriminator.entropy"), discriminator.entropy, Wanted::NotNegative);
         self.advantage(&format!("{name}.advantage"), advantage);
-        self.count(&format!("{name}.cloning.steps"), cloning.steps);
-        self.count(&format!("{name}.cloning.batch"), cloning.batch);
-        let rate = cloning.learning_rate;
-        self.number(&format!("{name}.cloning.learning_rate"), rate, Wanted::Positive);
+        self.cloning(&format!("{name}.cloning"), cloning);
+    }
+
+    fn cloning(&mut self, name: &str, cloning: &Cloning) {
+        self.count(&format!("{name}.steps"), cloning.steps);
+        self.count(&format!("{name}.batch"), cloning.batch);
+        self.number(&format!("{name}.learning_rate"), cloning.learning_rate, Wanted::Positive);
+    }
+
+    fn judging(&mut self, name: &str, judging: &Judging) {
+        self.count(&format!("{name}.iterations"), judging.iterations);
+        self.count(&format!("{name}.averaged"), judging.averaged);
+        self.count(&format!("{name}.evaluations"), judging.evaluations);
+        self.count(&format!("{name}.repeats"), judging.repeats);
     }
 
     fn information(&mut self, name: &str, information: &MutualInformation) {

@@ -10,10 +10,11 @@ use crate::demonstrator::{self, DemonstratorState, Stage};
 use crate::error::Result;
 use crate::experiment::{self, Run, begun, stage_name};
 use crate::imitate::{self, ImitationState, LearningCurve};
-use crate::judge::{self, Judged, Judging};
+use crate::judge::{self, Cost, Judged, JudgingState};
 use crate::ledger::Ledger;
 use crate::meta_train::{self, MetaState, MetaTraining};
 use crate::method::Method;
+use crate::panel::Judge;
 use crate::pre_train::{self, PreTrainState};
 use crate::recording;
 use crate::rollout::Playground;
@@ -64,8 +65,10 @@ pub struct Planned {
 pub(super) enum Piece {
     /// A round of meta-training over so many demonstrations.
     Round { meta_batch: usize },
-    /// Playing for and making one update of judging or pre-training, so many at once, each toward so many demonstrations.
-    Inner { at_once: usize, demonstrations: usize },
+    /// Playing for and making one update of judging, as many at once as there are threads.
+    Inner { judge: Judge },
+    /// The same in pre-training, one after the other, toward so many demonstrations.
+    PreTraining { demonstrations: usize },
     /// The same in imitation from scratch.
     Imitation { demonstrations: usize },
     /// An environment step of an evaluation of so many episodes.
@@ -80,18 +83,17 @@ pub fn planned(run: &Run<'_>, goal: Goal<'_>) -> Result<Vec<Planned>> {
     let mut stages = Vec::new();
     match goal {
         Goal::Prior => stages.extend(prior(run)?),
-        Goal::Scores => {
-            stages.extend(prior(run)?);
-            stages.extend(scores(run)?);
-        }
+        Goal::Scores => stages.extend(judged_by_all(run)?),
         Goal::Weighing => {
             stages.extend(prior(run)?);
             stages.extend(weighing(run)?);
         }
         Goal::Selection => {
-            stages.extend(prior(run)?);
-            stages.extend(scores(run)?);
+            stages.extend(judged_by_all(run)?);
             if run.config.keep == Keep::Weights {
+                if !run.config.judges.each().contains(&Judge::Paper) {
+                    stages.extend(prior(run)?);
+                }
                 stages.extend(weighing(run)?);
             }
         }
@@ -189,43 +191,72 @@ fn prior(run: &Run<'_>) -> Result<Option<Planned>> {
                 environment_steps: pre_train::steps_of_update(&config.inner, task.horizon) * updates as u64,
                 updates: updates as u64,
                 at_most: false,
-                pieces: vec![(Piece::Inner { at_once: 1, demonstrations: run.set.len() }, updates as f64)],
+                pieces: vec![(Piece::PreTraining { demonstrations: run.set.len() }, updates as f64)],
             };
             Ok(whole.rest(spent, done, updates))
         }
     }
 }
 
-fn scores(run: &Run<'_>) -> Result<Option<Planned>> {
-    if Judged::recall(run.ledger, "")?.is_some() {
+/// Every judge that is asked, with the prior of the paper's before it.
+fn judged_by_all(run: &Run<'_>) -> Result<Vec<Planned>> {
+    let mut stages = Vec::new();
+    for &judge in run.config.judges.each() {
+        if judge == Judge::Paper {
+            stages.extend(prior(run)?);
+        }
+        stages.extend(scores(run, judge)?);
+    }
+    Ok(stages)
+}
+
+fn scores(run: &Run<'_>, judge: Judge) -> Result<Option<Planned>> {
+    if Judged::recall(run.ledger, judge.name())?.is_some() {
         return Ok(None);
     }
-    let judging = Judging { iterations: experiment::plan(run).iterations, ..run.config.judge.clone() };
-    let whole = judged(run, &judging);
-    let targets = run.set.len() * run.playground.specification().variants.len();
-    let (spent, done) =
-        begun(run.ledger, judge::STAGE, "", |judged: &Judged| judged.scores.suitabilities.len())?;
-    Ok(whole.rest(spent, done, targets))
+    let judging = &experiment::judging(run, judge);
+    let whole = match judge {
+        Judge::Cloning => {
+            let inner = &experiment::cloning_update(run.config);
+            judged(run, judge, &Cost { judging, inner, starts_anew: true })
+        }
+        Judge::Paper => judged(run, judge, &Cost { judging, inner: &run.config.inner, starts_anew: false }),
+    };
+    let total = whole.units;
+    let (spent, done) = begun(run.ledger, judge::STAGE, judge.name(), JudgingState::done)?;
+    Ok(whole.whole.rest(spent, done, total))
+}
+
+/// A judging, with the number of its units.
+struct WholeJudging {
+    whole: Whole,
+    units: usize,
 }
 
 /// Judging the whole set once.
-fn judged(run: &Run<'_>, judging: &Judging) -> Whole {
-    let task = run.playground.specification();
-    let in_a_row = run.set.len() * task.variants.len() * judging.iterations;
-    let environment_steps = judge::steps(run.set.len(), task, judging, &run.config.inner);
-    let adapting = in_a_row * judging.repeats * run.config.inner.episodes(task.horizon) * task.horizon;
-    Whole {
-        stage: judge::STAGE.to_owned(),
-        environment_steps,
-        updates: (in_a_row * judging.repeats) as u64,
-        at_most: false,
-        pieces: vec![
-            (Piece::Inner { at_once: judging.repeats, demonstrations: 1 }, in_a_row as f64),
-            (
-                Piece::Evaluation { episodes: judging.evaluations },
-                (environment_steps - adapting as u64) as f64,
-            ),
-        ],
+fn judged(run: &Run<'_>, judge: Judge, cost: &Cost<'_>) -> WholeJudging {
+    let (task, Cost { judging, inner, starts_anew }) = (run.playground.specification(), *cost);
+    let most = judging.repeats.max(judging.most_repeats);
+    let adaptations = run.set.len() * task.variants.len() * most;
+    let updates = adaptations * judging.iterations;
+    let environment_steps = judge::steps(run.set.len(), task, cost);
+    let adapting = updates * inner.episodes(task.horizon) * task.horizon;
+    let starts = task.variants.len() * if starts_anew { most } else { 1 };
+    WholeJudging {
+        units: adaptations + starts,
+        whole: Whole {
+            stage: stage_name(judge::STAGE, judge.name()),
+            environment_steps,
+            updates: updates as u64,
+            at_most: judging.most_repeats > judging.repeats,
+            pieces: vec![
+                (Piece::Inner { judge }, updates as f64),
+                (
+                    Piece::Evaluation { episodes: judging.evaluations },
+                    (environment_steps - adapting as u64) as f64,
+                ),
+            ],
+        },
     }
 }
 
@@ -240,7 +271,9 @@ fn weighing(run: &Run<'_>) -> Result<Option<Planned>> {
     let meta_updates = how.rounds * how.meta_updates;
     let learned: u64 =
         meta_train::steps_by_round(run.set, run.playground, learning, &seed).take(meta_updates).sum();
-    let assessed = judged(run, &subset_selection::assessing(how, &run.config.judge));
+    let judging = subset_selection::assessing(how, &run.config.judge);
+    let cost = Cost { judging: &judging, inner: &run.config.inner, starts_anew: false };
+    let assessed = judged(run, Judge::Paper, &cost).whole;
     let rounds = how.rounds as f64;
     let mut pieces = vec![(Piece::Round { meta_batch }, meta_updates as f64)];
     pieces.extend(assessed.pieces.into_iter().map(|(piece, units)| (piece, units * rounds)));

@@ -41,13 +41,13 @@ pub struct Shown {
 /// For each variant the agent before, then the agent after each demonstration, on the most typical of the evaluation
 /// seeds; nothing where the task has no simulator.
 ///
-/// `seed` is that of judging.
+/// `start` is the policy that the first repeats started from, and `seed` is that of judging.
 ///
 /// # Errors
 /// `is_bad_input` if an episode does not score what it scored when it was judged: the task or the policies have changed.
 pub fn agent_episodes(
     playground: &Playground<'_>,
-    prior: &Policy,
+    start: &Policy,
     judged: &Judged,
     judging: &Judging,
     seed: &Seed,
@@ -60,7 +60,7 @@ pub fn agent_episodes(
         for (of, adapted) in scores.suitabilities.iter().zip(adapted).filter(|(of, _)| of.variant == variant)
         {
             if shown.last().is_none_or(|last: &Shown| last.variant != variant) {
-                shown.extend(look.at(Part::Before, prior, of.before[evaluation])?);
+                shown.extend(look.at(Part::Before, start, of.before[0][evaluation])?);
             }
             shown.extend(look.at(Part::After(of.demo), &adapted.policy, of.after[0][evaluation])?);
         }
@@ -72,9 +72,9 @@ pub fn agent_episodes(
 /// in all, the least away from their means; the first of those alike.
 pub fn typical_evaluation(scores: &ScoreTable, variant: EnvVariant) -> usize {
     let under: Vec<_> = scores.suitabilities.iter().filter(|of| of.variant == variant).collect();
-    let evaluations = under.first().map_or(0, |of| of.before.len());
+    let evaluations = under.first().and_then(|of| of.before.first()).map_or(0, Vec::len);
     let away = |evaluation: usize| -> f64 {
-        let before = under.first().map_or(0.0, |of| (of.before[evaluation] - of.mean_before()).abs());
+        let before = under.first().map_or(0.0, |of| (of.before[0][evaluation] - of.mean_before()).abs());
         before + under.iter().map(|of| (of.after[0][evaluation] - of.mean_after()).abs()).sum::<f64>()
     };
     (0..evaluations).min_by(|a, b| away(*a).total_cmp(&away(*b))).unwrap_or(0)

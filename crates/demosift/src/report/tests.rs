@@ -4,17 +4,17 @@ use crate::advantage::AdvantageEstimation;
 use crate::behavioral_cloning::{Cloning, Descent};
 use crate::data_only::Column;
 use crate::gail::Fitting;
-use crate::judge::{self, AdaptedPolicy, Judging};
+use crate::judge::{self, AdaptedPolicy, Judging, JudgingState, Start, Trial};
 use crate::ledger::InMemory;
 use crate::method::{Method, Plan, Spent};
 use crate::observation_filter::ObservationFilter;
 use crate::observer::Silent;
+use crate::panel::{Found, panel};
 use crate::point_mass::{PointMass, planted_set};
 use crate::policy::{Policy, PolicyShape};
 use crate::rollout::{Acting, Playground};
 use crate::seed::Seed;
 use crate::trpo::{StepEnd, TrustRegion};
-use crate::uncertainty::{Resampling, uncertainty};
 
 /// One update of which only the score is known.
 fn update(score: Option<f64>) -> UpdateReport {
@@ -37,7 +37,7 @@ fn suitability(demo: usize, after: [[f64; 2]; 2]) -> Suitability {
     Suitability {
         demo: DemoId(demo),
         variant: EnvVariant(0),
-        before: vec![-2.0, -4.0],
+        before: vec![vec![-2.0, -4.0]],
         after: after.map(|scores| scores.to_vec()).to_vec(),
         distances: vec![1.0, 2.0],
         curves: vec![
@@ -67,7 +67,7 @@ fn judged() -> Judged {
 
 fn found(kept: Option<&[usize]>) -> Result<Report> {
     let (mut ledger, set) = (InMemory::default(), planted_set(&[180.0, 0.0, 90.0], Seed::new(1))?);
-    judged().keep(&mut ledger, "")?;
+    judged().keep(&mut ledger, "cloning")?;
     if let Some(kept) = kept {
         Subset { demos: kept.iter().copied().map(DemoId).collect() }.keep(&mut ledger, "")?;
     }
@@ -81,14 +81,15 @@ fn found(kept: Option<&[usize]>) -> Result<Report> {
         set: &set,
         task: &PointMass::new(),
         keep: Keep::Quarter,
-        uncertainty: &uncertainty(&table(), &Resampling::default(), &Seed::new(2))?,
+        panel: &panel(&[Found { judge: Judge::Cloning, scores: &table() }], 1, &Seed::new(2))?,
         opinions: &DataOnly { columns: vec![column("right", [1.0, 9.0, 3.0]), column("alike", [2.0; 3])] },
         costs: &Costs {
             method: Method::Maml,
             plan: Plan { quota: 100, updates: 1, iterations: 2 },
+            judging: "judge_paper".to_owned(),
             spent: vec![
                 ("meta_train".to_owned(), Spent { environment_steps: 60 }),
-                (judge::STAGE.to_owned(), Spent { environment_steps: 30 }),
+                ("judge_paper".to_owned(), Spent { environment_steps: 30 }),
                 ("imitate_all".to_owned(), Spent { environment_steps: 500 }),
             ],
         },
@@ -118,7 +119,7 @@ fn what_a_run_has_not_found_yet_is_not_there() {
     let report = found(None).expect("judged");
     assert_eq!((report.k, report.has_subset), (1, false), "a quarter of three, rounded up");
     assert!(report.learning.is_none() && report.weights.is_none());
-    let error = super::judged(&InMemory::default()).expect_err("nothing is there");
+    let error = super::judged(&InMemory::default(), Judge::Paper).expect_err("nothing is there");
     assert!(error.is_bad_input() && error.hint().is_some(), "{error}");
 }
 
@@ -156,7 +157,7 @@ fn the_typical_evaluation_is_the_one_nearest_to_the_means() {
     assert_eq!(typical_evaluation(&table(), EnvVariant(0)), 0, "the first of those alike");
     let mut scores = table();
     for of in &mut scores.suitabilities {
-        of.before = vec![-9.0, -3.0, -3.1];
+        of.before = vec![vec![-9.0, -3.0, -3.1]];
         of.after = vec![vec![-9.0, -3.0, -3.1]];
     }
     // The mean is −5.03: −3.1 is nearer to it than −3 and −9 are.
@@ -171,11 +172,20 @@ fn an_evaluation_is_played_again_to_the_bit_and_a_changed_one_is_refused() {
     let set = planted_set(&[180.0, 0.0], Seed::new(1)).expect("valid");
     let shape = PolicyShape { hidden: vec![8], initial_std: 0.5 };
     let prior = Learner::untrained(&set, &shape, &[8], &Seed::new(4));
-    let judging = Judging { iterations: 2, averaged: 1, evaluations: 3, repeats: 2, acting: Acting::Sampled };
-    let (seed, silent) = (Seed::new(5), &mut Silent);
-    let how = (&judging, &inner());
-    let judged =
-        judge::judge(&prior, &set, &playground, how, Judged::default(), (&seed, silent)).expect("judged");
+    let acting = Acting::Sampled;
+    let judging = Judging { iterations: 2, averaged: 1, evaluations: 3, repeats: 2, most_repeats: 2, acting };
+    let seed = Seed::new(5);
+    let trial = Trial {
+        set: &set,
+        playground: &playground,
+        start: Start::Prior(&prior),
+        inner: &inner(),
+        judging: &judging,
+        cut: 1,
+        part: "",
+        seed: &seed,
+    };
+    let judged = judge::judge(&trial, JudgingState::default(), &mut Silent).expect("judged");
     for (of, adapted) in judged.scores.suitabilities.iter().zip(&judged.adapted) {
         for evaluation in 0..3 {
             let again = |policy| {
@@ -183,7 +193,7 @@ fn an_evaluation_is_played_again_to_the_bit_and_a_changed_one_is_refused() {
                     .expect("played")
                     .0
             };
-            assert_eq!(playground.score(&again(&prior.policy)), of.before[evaluation]);
+            assert_eq!(playground.score(&again(&prior.policy)), of.before[0][evaluation]);
             assert_eq!(playground.score(&again(&adapted.policy)), of.after[0][evaluation]);
         }
     }

@@ -8,10 +8,11 @@ use crate::error::{Error, Result};
 use crate::experiment::{self, Config, Run};
 use crate::heuristic::Score;
 use crate::imitate::{self, CurvePoint, Imitation, ImitationState, LearningCurve};
-use crate::judge::Suitability;
+use crate::judge::{self, Suitability};
 use crate::ledger::InMemory;
 use crate::metrics;
 use crate::observer::Silent;
+use crate::panel::{Judge, Judges};
 use crate::rollout::Playground;
 use crate::seed::Seed;
 
@@ -26,7 +27,8 @@ pub struct Means<'a> {
     pub config: &'a Config,
 }
 
-/// Judges a set once; `clock` says how many seconds have passed since some moment.
+/// Judges a set once, by the judge that the configuration asks, or by the one of both that decides; `clock` says how many
+/// seconds have passed since some moment.
 ///
 /// # Errors
 /// `is_diverged` if learning does, `is_simulation` if the simulator fails, `is_bad_config` if the budget pays for nothing.
@@ -41,9 +43,16 @@ pub fn judging(means: &Means<'_>, seed: u64, clock: &mut dyn FnMut() -> f64) -> 
         observer: &mut Silent,
     };
     let mut passed = Passed::from_now(&playground, clock);
-    let prior = experiment::prior(&mut run)?;
+    if config.judges.each().contains(&Judge::Paper) {
+        experiment::prior(&mut run)?;
+    }
     let once = passed.since_last();
-    let table = experiment::scores(&mut run, &prior)?;
+    let judge = match config.judges {
+        Judges::Cloning => Judge::Cloning,
+        Judges::Paper => Judge::Paper,
+        Judges::Both => experiment::panel(&mut run)?.decides,
+    };
+    let table = experiment::scores(&mut run, judge)?;
     let judging = passed.since_last();
     let demonstrations = table.suitabilities.iter().map(judged).collect::<Result<_>>()?;
     let adapted_behaviors_distance = table.adapted_behaviors_distance();
@@ -85,7 +94,7 @@ pub fn training(
     })
 }
 
-/// Environment steps that judging may take, where episodes last to the horizon.
+/// Environment steps that judging may take at most, where episodes last to the horizon.
 pub fn planned_judging(means: &Means<'_>) -> u64 {
     let run = Run {
         set: means.set,
@@ -94,7 +103,16 @@ pub fn planned_judging(means: &Means<'_>) -> u64 {
         ledger: &mut InMemory::default(),
         observer: &mut Silent,
     };
-    experiment::plan(&run).quota
+    let of = |judge: &Judge| match judge {
+        Judge::Paper => experiment::plan(&run).quota,
+        Judge::Cloning => {
+            let judging = &means.config.cloning_judge.judging;
+            let inner = &experiment::cloning_update(means.config);
+            let how = judge::Cost { judging, inner, starts_anew: true };
+            judge::steps(means.set.len(), means.task.specification(), &how)
+        }
+    };
+    means.config.judges.each().iter().map(of).sum()
 }
 
 /// Environment steps that a training takes, where episodes last to the horizon.

@@ -366,6 +366,7 @@ fn a_cell_is_what_a_run_finds() {
     let mut config = crate::preset::Preset::Quick.config();
     (config.meta_train.rounds, config.inner.batch_steps, config.judge.iterations) = (2, 120, 2);
     (config.imitate.environment_steps, config.imitate.update.batch_steps) = (900, 300);
+    config.judges = crate::panel::Judges::Paper;
     let task = PointMass::new();
     let means = make::Means { set: &set, task: &task, config: &config };
     let mut ticks = 0.0;
@@ -386,9 +387,9 @@ fn a_cell_is_what_a_run_finds() {
         ledger: &mut ledger,
         observer: &mut Silent,
     };
-    let prior = experiment::prior(&mut run).expect("learns");
+    experiment::prior(&mut run).expect("learns");
     let once = playground.steps_taken();
-    let table = experiment::scores(&mut run, &prior).expect("judges");
+    let table = experiment::scores(&mut run, crate::panel::Judge::Paper).expect("judges");
     let scores: Vec<f64> = table.suitabilities.iter().map(|of| of.score()).collect();
     assert_eq!(judged.scores(), scores);
     assert_eq!(judged.once, Cost { environment_steps: once, seconds: 1.0 });

@@ -16,7 +16,7 @@ fn suitability(variant: usize, demo: usize, before: &[f64], after: &[f64]) -> Su
     Suitability {
         demo: DemoId(demo),
         variant: EnvVariant(variant),
-        before: before.to_vec(),
+        before: vec![before.to_vec()],
         after: vec![after.to_vec()],
         distances: Vec::new(),
         curves: Vec::new(),

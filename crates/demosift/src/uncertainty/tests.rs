@@ -7,7 +7,7 @@ fn table(after: &[Vec<Vec<f64>>]) -> ScoreTable {
     let suitability = |(demo, after): (usize, &Vec<Vec<f64>>)| Suitability {
         demo: DemoId(demo),
         variant: EnvVariant(0),
-        before: vec![0.0; after[0].len()],
+        before: vec![vec![0.0; after[0].len()]],
         after: after.clone(),
         distances: Vec::new(),
         curves: Vec::new(),
@@ -235,7 +235,8 @@ fn a_table_that_is_not_whole_is_told() {
     );
     assert!(complaint(|table| table.suitabilities[1].demo.0 = 0).contains("exactly once"));
     assert!(
-        complaint(|table| table.suitabilities[1].after[0].truncate(1)).contains("2 repeats of 2 evaluations")
+        complaint(|table| table.suitabilities[1].after[0].truncate(1))
+            .contains("2 evaluations in each repeat")
     );
     assert!(complaint(|table| table.suitabilities[0].after.clear()).contains("at least 1 repeat"));
 }

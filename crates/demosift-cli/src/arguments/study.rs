@@ -1,0 +1,81 @@
+//! What `demosift study` takes.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use demosift::study::Only;
+
+#[derive(Debug, Args)]
+pub(crate) struct StudyArguments {
+    /// A study file (docs/studies.md), or a file of results that an earlier study made, whose tables are then shown
+    #[arg(value_name = "STUDY.toml|RESULTS.json")]
+    pub(crate) study: PathBuf,
+    /// The folder of the public sets that do not come with demosift; a set that is not there is left out
+    #[arg(long, value_name = "DIR")]
+    pub(crate) data: Option<PathBuf>,
+    /// Where finished cells are kept; what is there already is not made again [default: runs/<study>]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Cells that are made at the same time, each on a thread of its own [default: all processors]
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<usize>,
+    /// Make every N-th cell only, from the I-th on; machines that share the folder take one part each
+    #[arg(long, value_name = "I/N")]
+    pub(crate) part: Option<Part>,
+    /// Only these sets, methods or both, such as free_throw_8/cloning,oracle or /paper; oracle, regret and pools name trainings
+    #[arg(long, value_name = "SETS/METHODS")]
+    pub(crate) only: Option<OnlyThese>,
+    /// Say how many cells there are and what they cost; make nothing
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+    /// Make nothing; show the tables of what is finished
+    #[arg(long, conflicts_with = "dry_run")]
+    pub(crate) table: bool,
+    /// Print the tables as Markdown
+    #[arg(long, conflicts_with = "json")]
+    pub(crate) markdown: bool,
+    /// Print the results as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Copy the file of results here
+    #[arg(long, value_name = "FILE", conflicts_with = "dry_run")]
+    pub(crate) write: Option<PathBuf>,
+}
+
+/// Every n-th cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Part {
+    /// From this one on, counted from 0.
+    pub(crate) index: usize,
+    pub(crate) of: usize,
+}
+
+impl std::str::FromStr for Part {
+    type Err = String;
+
+    fn from_str(typed: &str) -> Result<Self, String> {
+        let numbers = typed.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+        match numbers {
+            Some((index, of)) if (1..=of).contains(&index) => Ok(Self { index: index - 1, of }),
+            Some((_, of)) => Err(format!("the part must be from 1 to {of}, such as 1/{}", of.max(1))),
+            None => Err("wanted which part of how many, such as 1/2".to_owned()),
+        }
+    }
+}
+
+/// Names of sets and methods.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct OnlyThese(pub(crate) Only);
+
+impl std::str::FromStr for OnlyThese {
+    type Err = String;
+
+    fn from_str(typed: &str) -> Result<Self, String> {
+        let names = |list: &str| {
+            let names: Vec<String> = list.split(',').map(|name| name.trim().to_owned()).collect();
+            if list.trim().is_empty() { None } else { Some(names) }
+        };
+        let (sets, methods) = typed.split_once('/').unwrap_or((typed, ""));
+        Ok(Self(Only { sets: names(sets), methods: names(methods) }))
+    }
+}

@@ -1,0 +1,112 @@
+//! The judges beside each other: what each says, how well they agree, and whose order is taken.
+
+use demosift::demonstration::DemoId;
+use demosift::panel::{Disagreement, Judge, Opinion, Panel, Vote};
+
+use super::{Scale, list, percent, table, wrapped};
+
+/// What all judges say of each demonstration, in the order that was taken, with their agreement; of a single judge only
+/// whether it has a vote.
+pub(crate) fn judges(panel: &Panel, unit: &str) -> String {
+    let table = if panel.opinions.len() > 1 { beside_each_other(panel, unit) } else { String::new() };
+    let remarks: String = remarks(panel).iter().map(|remark| format!("\n{}\n", wrapped(remark))).collect();
+    format!("{table}{remarks}")
+}
+
+fn beside_each_other(panel: &Panel, unit: &str) -> String {
+    let doubts = || panel.opinions.iter().flat_map(|opinion| &opinion.uncertainty.demonstrations);
+    let scale = Scale::of(doubts().flat_map(|doubt| [doubt.low, doubt.high]), unit);
+    let mut header = vec!["demonstration".to_owned()];
+    for opinion in &panel.opinions {
+        header.push(format!("by {}", opinion.judge));
+        header.push(scale.title("gain"));
+        header.push(format!("{} interval", percent(opinion.uncertainty.level)));
+    }
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    let row = |demo: DemoId| {
+        let mut row = vec![demo.to_string()];
+        for opinion in &panel.opinions {
+            let doubts = &opinion.uncertainty.demonstrations;
+            let place = doubts.iter().position(|doubt| doubt.demo == demo).expect("all judges saw the set");
+            let doubt = &doubts[place];
+            row.push((place + 1).to_string());
+            row.push(scale.signed(doubt.score));
+            row.push(format!("[{}, {}]", scale.signed(doubt.low), scale.signed(doubt.high)));
+        }
+        row
+    };
+    let entries = &panel.deciding().ranking.entries;
+    let rows: Vec<Vec<String>> = entries.iter().map(|entry| row(entry.demo)).collect();
+    format!("\nThe place that each judge gives, and its gain:\n\n{}", table(&header, &rows))
+}
+
+fn remarks(panel: &Panel) -> Vec<String> {
+    let mut remarks = Vec::new();
+    if let [_, _] = panel.opinions.as_slice() {
+        remarks.push(taken(panel));
+    }
+    remarks.extend(panel.opinions.iter().filter_map(without_vote));
+    for judge in [Judge::Cloning, Judge::Paper] {
+        remarks.extend(disagreement(&panel.disagreements, judge));
+    }
+    remarks
+}
+
+/// Whose order is taken, and how well the judges agree.
+fn taken(panel: &Panel) -> String {
+    let correlation =
+        |agreement: Option<f64>| agreement.map_or("unknown".to_owned(), |value| format!("{value:.2}"));
+    let own: Vec<String> = panel
+        .opinions
+        .iter()
+        .map(|opinion| format!("{} {}", in_words(opinion.judge), correlation(opinion.agrees_with_itself)))
+        .collect();
+    format!(
+        "The order is that of {}. Rank correlation between the two judges: {}; of each with itself, from one repeat to \
+         the others: {}.",
+        in_words(panel.decides),
+        correlation(panel.agreement),
+        own.join(", ")
+    )
+}
+
+/// Why a judge has no vote.
+fn without_vote(opinion: &Opinion) -> Option<String> {
+    let judge = in_words(opinion.judge);
+    match opinion.vote {
+        Vote::Counts | Vote::Unrepeated => None,
+        Vote::DisagreesWithItself => Some(format!(
+            "No vote for {judge}: its repeats agree with each other no better than chance, so imitating by it taught the \
+             agent nothing that can be told apart here."
+        )),
+        Vote::TaughtNothing => Some(format!(
+            "No vote for {judge}: imitating by it surely made the agent better for no demonstration."
+        )),
+    }
+}
+
+fn disagreement(all: &[Disagreement], judge: Judge) -> Option<String> {
+    let demos: Vec<DemoId> =
+        all.iter().filter(|found| found.kept_by == judge).map(|found| found.demo).collect();
+    let (one, other) = match judge {
+        Judge::Cloning => (Judge::Cloning, Judge::Paper),
+        Judge::Paper => (Judge::Paper, Judge::Cloning),
+    };
+    (!demos.is_empty()).then(|| {
+        format!(
+            "They clearly disagree about {}: {} is sure that it belongs to the best, and {} that it does not. The replay of \
+             the report shows what each imitation did.",
+            list(&demos),
+            in_words(one),
+            in_words(other)
+        )
+    })
+}
+
+/// A judge in words.
+pub(crate) fn in_words(judge: Judge) -> &'static str {
+    match judge {
+        Judge::Cloning => "the judge by cloning",
+        Judge::Paper => "the judge of the paper",
+    }
+}
