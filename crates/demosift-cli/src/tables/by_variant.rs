@@ -55,7 +55,7 @@ mod tests {
                 suitabilities.push(Suitability {
                     demo: DemoId(demo),
                     variant: EnvVariant(variant),
-                    before: vec![-1.0],
+                    before: vec![vec![-1.0]],
                     after: vec![vec![gain - 1.0]],
                     distances: Vec::new(),
                     curves: Vec::new(),
