@@ -68,10 +68,12 @@
 //! ```
 
 pub mod check;
+mod ends;
 pub mod environment;
 pub mod film;
 mod heuristic_fold;
 mod include;
+mod interval;
 mod measurement;
 pub mod model;
 pub mod mujoco_task;
@@ -85,5 +87,6 @@ pub mod replay;
 mod reset;
 pub mod reward;
 pub mod scene;
+mod slice;
 mod task_file;
 mod tasks;
