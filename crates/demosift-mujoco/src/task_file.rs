@@ -66,13 +66,15 @@ fn in_words(said: &str) -> String {
             "unit variant, expected newtype variant",
             "this word alone says too little, expected such as { qpos = \"slider\" }",
         ),
-        ("newtype variant, expected unit variant", "this word stands alone, expected such as \"effort\""),
         ("unknown variant", "unknown word"),
         ("unknown field", "unknown key"),
         ("missing field", "missing key"),
         ("TOML parse error", "the task file is wrong"),
     ] {
         words = words.replace(theirs, ours);
+    }
+    if let Some(word) = ["effort", "alive"].into_iter().find(|word| words.contains(&format!("{{ {word} = "))) {
+        return format!("{words}; `{word}` stands alone, as in name = \"{word}\"");
     }
     let Some(at) = words.find("unknown word `").or_else(|| words.find("unknown key `")) else { return words };
     let mut names = words[at..].split('`').skip(1).step_by(2);

@@ -139,5 +139,5 @@ fn states_and_actions_of_another_task_are_refused() {
     let mut unstable = states.clone();
     unstable.qvel[9 * 999 + 2] = 1e300;
     let error = replay::measurements(&cheetah, &unstable, &actions).map(drop).unwrap_err();
-    assert!(error.is_bad_input() && error.to_string().contains("at step 1000: 'x' is NaN"), "{error}");
+    assert!(error.is_bad_input() && error.to_string().contains("at step 1000: 'effort' is NaN"), "{error}");
 }

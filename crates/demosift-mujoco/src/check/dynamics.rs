@@ -198,7 +198,9 @@ pub(super) fn judge(
             )
         } else {
             format!(
-                "recorded actions lead to the next recorded states (a typical step misses at most {} of its change){first};                  some steps miss more, up to {} of an episode's in root mean square, as contacts of another version of the                  engine do",
+                "recorded actions lead to the next recorded states (a typical step misses at most {} of its change){first}; \
+                 some steps miss more, up to {} of an episode's in root mean square, as contacts of another version of the \
+                 engine do",
                 percent_missed(typical),
                 percent_missed(most)
             )
@@ -235,13 +237,15 @@ pub(super) fn judge(
 /// What may be behind shares of typical steps that are missed, of the demonstrations that miss some.
 fn what_it_may_be(most: f64, least: f64, all_are: bool) -> &'static str {
     if most <= OTHER_CONTACTS {
-        "so little may come of contacts, friction or damping that differ between versions of the engine: the same body,          and imitating it makes sense"
+        "so little may come of contacts, joint limits or damping that differ between versions of the engine: the same body, \
+         and imitating it makes sense"
     } else if !all_are && least > OTHER_CONTACTS {
         "these were recorded with another model or body than the others; that may be what you want to find out about"
     } else if least > OTHER_PHYSICS {
         "the model is another one than that of the recording: compare masses, gears, ctrlrange, damping and timestep"
     } else {
-        "contacts that differ much, as between versions of the engine, or another model: compare friction and contact          parameters, masses, gears, damping and timestep"
+        "contacts that differ much, as between versions of the engine, or another model: compare friction and contact \
+         parameters, masses, gears, damping and timestep"
     }
 }
 
