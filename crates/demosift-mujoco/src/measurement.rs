@@ -116,9 +116,7 @@ impl Measurement {
             File::Position(component) => Self::Position(model.point(&component.of)?, component.axis as usize),
             File::Velocity(component) => Self::Velocity(model.point(&component.of)?, component.axis as usize),
             File::Contact([a, b]) => Self::Contact(model.geoms(a)?, model.geoms(b)?),
-            File::RateOf(name) => {
-                Self::RateOf(column(name, names).map_err(|error| error.during("rate_of"))?)
-            }
+            File::RateOf(name) => Self::RateOf(column(name, names).map_err(|error| error.during("rate_of"))?),
             File::Effort => Self::Effort,
             File::Alive => Self::Alive,
             File::Sum(weights) => {

@@ -218,7 +218,11 @@ impl Model {
 
     /// What [`Model::id`] finds: names, and `body 4` or the like for what has none.
     fn known(&self, kind: Kind) -> Vec<String> {
-        if kind.may_be_nameless() { self.called(kind) } else { self.names(kind).into_iter().flatten().collect() }
+        if kind.may_be_nameless() {
+            self.called(kind)
+        } else {
+            self.names(kind).into_iter().flatten().collect()
+        }
     }
 
     /// All joints in order of their ids, which is the order of their numbers in the state.

@@ -144,12 +144,8 @@ fn look_up(part: &PartOf, model: &Model) -> Result<Vec<Named>> {
     match part {
         PartOf::Qpos(names) => of_joints(names, model, "qpos", |joint| joint.qpos.clone(), What::Qpos),
         PartOf::Qvel(names) => of_joints(names, model, "qvel", |joint| joint.qvel.clone(), What::Qvel),
-        PartOf::Position(names) => {
-            of_each(names, "position", 3, |name| model.point(name), What::Position)
-        }
-        PartOf::Velocity(names) => {
-            of_each(names, "velocity", 3, |name| model.point(name), What::Velocity)
-        }
+        PartOf::Position(names) => of_each(names, "position", 3, |name| model.point(name), What::Position),
+        PartOf::Velocity(names) => of_each(names, "velocity", 3, |name| model.point(name), What::Velocity),
         PartOf::ContactWrench(names) => {
             let body = |name: &str| model.id(Kind::Body, name);
             of_each(names, "contact_wrench", 6, body, What::ContactWrench)
@@ -219,10 +215,8 @@ struct Called {
 }
 
 fn called(names: &Names, model: &Model) -> Result<Vec<Sliced<Called>>> {
-    let whole = |name: &str, joints| Sliced {
-        of: Called { name: name.to_owned(), joints },
-        slice: Slice::WHOLE,
-    };
+    let whole =
+        |name: &str, joints| Sliced { of: Called { name: name.to_owned(), joints }, slice: Slice::WHOLE };
     match names {
         Names::All => Ok(vec![whole("all", model.joints())]),
         Names::Only(names) => {

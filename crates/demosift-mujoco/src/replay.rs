@@ -77,7 +77,10 @@ struct State<'a> {
 impl<'a> State<'a> {
     fn of(states: &'a StateLog, step: usize, environment: &MujocoEnvironment) -> Self {
         let (nq, nv) = (environment.qpos().len(), environment.qvel().len());
-        Self { qpos: &states.qpos[step * nq..(step + 1) * nq], qvel: &states.qvel[step * nv..(step + 1) * nv] }
+        Self {
+            qpos: &states.qpos[step * nq..(step + 1) * nq],
+            qvel: &states.qvel[step * nv..(step + 1) * nv],
+        }
     }
 }
 

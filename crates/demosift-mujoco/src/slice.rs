@@ -99,7 +99,10 @@ mod tests {
     fn what_is_no_slice_or_takes_nothing_is_refused() {
         let said = |written| numbers(written).expect_err(written).to_string();
         for written in ["root[2]", "root[-1:]", "root[a:b]", "root[1:2:3]", "root[]"] {
-            assert!(said(written).contains("a slice is [from:to], such as root[2:] or root[:3]"), "{written}");
+            assert!(
+                said(written).contains("a slice is [from:to], such as root[2:] or root[:3]"),
+                "{written}"
+            );
         }
         for written in ["root[3:3]", "root[4:2]", "root[7:]", "root[2:8]"] {
             assert_eq!(said(written), "there are 7 numbers, so a slice takes at least one of [0:7]");

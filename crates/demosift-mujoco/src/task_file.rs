@@ -73,7 +73,8 @@ fn in_words(said: &str) -> String {
     ] {
         words = words.replace(theirs, ours);
     }
-    if let Some(word) = ["effort", "alive"].into_iter().find(|word| words.contains(&format!("{{ {word} = "))) {
+    if let Some(word) = ["effort", "alive"].into_iter().find(|word| words.contains(&format!("{{ {word} = ")))
+    {
         return format!("{words}; `{word}` stands alone, as in name = \"{word}\"");
     }
     let Some(at) = words.find("unknown word `").or_else(|| words.find("unknown key `")) else { return words };
@@ -146,10 +147,7 @@ impl<'de> Deserialize<'de> for ObservationPart {
                 }
             }
 
-            fn visit_map<A: MapAccess<'de>>(
-                self,
-                map: A,
-            ) -> std::result::Result<ObservationPart, A::Error> {
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> std::result::Result<ObservationPart, A::Error> {
                 let table = PartTable::deserialize(value::MapAccessDeserializer::new(map))?;
                 let PartTable { qpos, qvel, position, velocity, contact_wrench, clip } = table;
                 let given = [

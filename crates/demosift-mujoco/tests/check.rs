@@ -553,7 +553,10 @@ fn ending(range: &str) -> MujocoTask {
 #[test]
 fn when_an_episode_ends_is_described_and_found() {
     let (seen, findings) = check::look(&ending("[-0.3, 0.3]"));
-    assert_eq!((seen.ends.join("|"), seen.true_return.as_deref()), ("bend leaves [-0.3, 0.3]".to_owned(), Some("alive")));
+    assert_eq!(
+        (seen.ends.join("|"), seen.true_return.as_deref()),
+        ("bend leaves [-0.3, 0.3]".to_owned(), Some("alive"))
+    );
     assert_found(&findings, Severity::Warning, "the heuristic is a mean over the steps that were played");
     let found = |range| check::play(&ending(range), &Seed::new(0)).unwrap();
     let (played, findings) = found("[-0.3, 0.3]");
@@ -563,7 +566,11 @@ fn when_an_episode_ends_is_described_and_found() {
     let (played, findings) = found("[0.05, 3]");
     assert!(played.ended_at_start > 20, "{played:?}");
     assert_found(&findings, Severity::Error, "start where they should end: bend leaves [0.05, 3]");
-    assert_found(&found("[-100, 100]").1, Severity::Fine, "none of 125 random episodes leaves the ranges of [ends]");
+    assert_found(
+        &found("[-100, 100]").1,
+        Severity::Fine,
+        "none of 125 random episodes leaves the ranges of [ends]",
+    );
     // Where nothing ends an episode, nothing is said of it.
     let (_, findings) = check::play(&load(TASK, MODEL), &Seed::new(0)).unwrap();
     assert!(findings.iter().all(|one| !one.message.contains("[ends]")));
@@ -578,7 +585,8 @@ fn a_heuristic_that_an_early_end_favors_is_found() {
         ("fold = \"sum\"\nof = \"bend\"", None),
         ("fold = \"min\"\nof = \"reach\"\nnegate = true", None),
     ] {
-        let text = TASK.replace("[heuristic]", "bend = { qpos = \"elbow\" }\n[ends]\nbend = [-1, 1]\n[heuristic]");
+        let text =
+            TASK.replace("[heuristic]", "bend = { qpos = \"elbow\" }\n[ends]\nbend = [-1, 1]\n[heuristic]");
         let (_, findings) = check::look(&load(&text.replace(heuristic, other), MODEL));
         match part {
             Some(part) => assert_found(&findings, Severity::Warning, part),
@@ -607,22 +615,34 @@ fn recorded_episodes_that_end_early_are_explained_by_the_ranges_or_not() {
     assert!(short.iter().any(|one| one.steps() < 40), "some leave the range");
     let task = ending("[-0.12, 0.12]");
     // With states of the simulator, and with states from the observations.
-    for (recorded, findings) in [compared(&task, &short, &logs), check::compare(&task, &short, None).unwrap()] {
+    for (recorded, findings) in [compared(&task, &short, &logs), check::compare(&task, &short, None).unwrap()]
+    {
         assert_fine(&findings);
-        assert_found(&findings, Severity::Fine, "each of these ends where the task ends an episode (bend leaves");
+        assert_found(
+            &findings,
+            Severity::Fine,
+            "each of these ends where the task ends an episode (bend leaves",
+        );
         assert_eq!(recorded.demonstrations.len(), 3);
     }
     let (_, findings) = compared(&ending("[-3, 3]"), &short, &logs);
-    assert_found(&findings, Severity::Warning, "and an episode of the task 40, which [ends] does not explain");
+    assert_found(
+        &findings,
+        Severity::Warning,
+        "and an episode of the task 40, which [ends] does not explain",
+    );
     let (_, findings) = compared(&ending("[-0.06, 0.06]"), &short, &logs);
-    assert_found(&findings, Severity::Warning, "go on after the task would have ended them, the first at step");
+    assert_found(
+        &findings,
+        Severity::Warning,
+        "go on after the task would have ended them, the first at step",
+    );
     let (_, findings) = compared(&load(TASK, MODEL), &short, &logs);
     assert_found(&findings, Severity::Warning, "something fell or was reached, say so in [ends]");
     let blind = load(
-        &TASK.replace("{ qvel = \"all\" }", "{ qvel = \"elbow\" }").replace(
-            "[heuristic]",
-            "bend = { qpos = \"elbow\" }\n[ends]\nbend = [-1, 1]\n[heuristic]",
-        ),
+        &TASK
+            .replace("{ qvel = \"all\" }", "{ qvel = \"elbow\" }")
+            .replace("[heuristic]", "bend = { qpos = \"elbow\" }\n[ends]\nbend = [-1, 1]\n[heuristic]"),
         MODEL,
     );
     let narrow = changed(&short, |row| [&row[..2], &row[3..]].concat(), same);
@@ -650,8 +670,15 @@ fn velocities_that_are_clipped_are_not_compared_and_no_error() {
     let task = load(&TASK.replace("{ qvel = \"all\" }", "{ qvel = \"all\", clip = [-0.5, 0.5] }"), MODEL);
     let (recorded, findings) = check::compare(&task, &cut, None).unwrap();
     assert_fine(&findings);
-    assert_found(&findings, Severity::Fine, &format!("{:.0} % of them have a clipped number", 100.0 * share(&cut)));
-    assert!(recorded.demonstrations.iter().all(|one| one.missed.is_none_or(|missed| missed < 1e-4)), "{recorded:?}");
+    assert_found(
+        &findings,
+        Severity::Fine,
+        &format!("{:.0} % of them have a clipped number", 100.0 * share(&cut)),
+    );
+    assert!(
+        recorded.demonstrations.iter().all(|one| one.missed.is_none_or(|missed| missed < 1e-4)),
+        "{recorded:?}"
+    );
     assert!(recorded.demonstrations.iter().any(|one| one.missed.is_some()));
     // The same from what the simulator recorded.
     assert_fine(&compared(&task, &cut, &states).1);
@@ -660,7 +687,10 @@ fn velocities_that_are_clipped_are_not_compared_and_no_error() {
     assert_eq!(check::count(&findings, Severity::Error), 0, "{findings:#?}");
     assert_found(&findings, Severity::Warning, "recorded numbers of qvel look clipped to [-0.5, 0.5]");
     assert_found(&findings, Severity::Warning, "add clip = [-0.5, 0.5] to that part of `observation`");
-    assert!(recorded.demonstrations.iter().all(|one| one.missed.is_none_or(|missed| missed < 1e-4)), "{recorded:?}");
+    assert!(
+        recorded.demonstrations.iter().all(|one| one.missed.is_none_or(|missed| missed < 1e-4)),
+        "{recorded:?}"
+    );
     let (_, findings) = check::compare(&task, &set, None).unwrap();
     assert_found(&findings, Severity::Error, "and the task clips them to [-0.5, 0.5]");
     let (_, findings) = compared(&load(TASK, MODEL), &cut, &states);
@@ -680,7 +710,8 @@ fn the_same_body_with_other_contacts_is_no_error_and_another_body_is() {
     let judged = |model: String| {
         assert!(model != walker);
         let (recorded, findings) = compared(&load(&model), &set, &states);
-        let errors: Vec<Finding> = findings.into_iter().filter(|one| one.severity == Severity::Error).collect();
+        let errors: Vec<Finding> =
+            findings.into_iter().filter(|one| one.severity == Severity::Error).collect();
         (recorded.demonstrations, errors)
     };
     let (softer, errors) = judged(walker.replace("density=\"1000\"", "density=\"1000\" solref=\"0.04 1\""));
@@ -689,7 +720,10 @@ fn the_same_body_with_other_contacts_is_no_error_and_another_body_is() {
     let (_, errors) = judged(walker.replace("friction=\"1.9 0.1 0.1\"", "friction=\"0.9 0.1 0.1\""));
     assert!(errors.is_empty(), "{errors:#?}");
     let (_, errors) = judged(walker.replace("gear=\"100\"", "gear=\"30\""));
-    assert!(errors.iter().any(|one| one.message.contains("do not lead to the next recorded state")), "{errors:#?}");
+    assert!(
+        errors.iter().any(|one| one.message.contains("do not lead to the next recorded state")),
+        "{errors:#?}"
+    );
 }
 
 /// Ten runs that others recorded in Gym, half of which end in a fall; their velocities are clipped, and the engine is an old one.

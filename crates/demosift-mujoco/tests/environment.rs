@@ -307,14 +307,22 @@ fn the_step_that_leaves_a_range_is_the_last_one_and_what_it_measures_is_right() 
         x = environment.qpos()[0];
         let effort = f64::from(action.clamp(-1.0, 1.0)).powi(2);
         let alive = if ends { 0.0 } else { 1.0 };
-        let wanted = [("rush", rush), ("effort", effort), ("alive", alive), ("worth", 2.0 * alive + rush - 0.5 * effort)];
+        let wanted = [
+            ("rush", rush),
+            ("effort", effort),
+            ("alive", alive),
+            ("worth", 2.0 * alive + rush - 0.5 * effort),
+        ];
         for (name, wanted) in wanted {
             let got = f64::from(buffers.measurements[column(name)]);
             assert!((got - wanted).abs() < 1e-5, "step {step}: {name} {got} {wanted}");
         }
     }
     // Nothing led to the first row, so it has no rate and no effort, and counts in no return.
-    assert_eq!(["rush", "effort", "alive", "worth"].map(|name| rows.row(0)[column(name)]), [0.0, 0.0, 1.0, 2.0]);
+    assert_eq!(
+        ["rush", "effort", "alive", "worth"].map(|name| rows.row(0)[column(name)]),
+        [0.0, 0.0, 1.0, 2.0]
+    );
     let whole = rows.head(4);
     let sum: f64 = (1..4).map(|row| f64::from(whole.row(row)[column("worth")])).sum();
     assert_eq!(task.true_return(&whole), Some(sum));
@@ -323,9 +331,13 @@ fn the_step_that_leaves_a_range_is_the_last_one_and_what_it_measures_is_right() 
 
 #[test]
 fn an_infinite_end_never_ends_an_episode_and_a_finite_one_does() {
-    for (range, ends) in
-        [("[-1, inf]", false), ("[-inf, 0.5]", true), ("[0.5, 2]", true), ("[-1, 0.99]", true), ("[-1, 1.001]", false)]
-    {
+    for (range, ends) in [
+        ("[-1, inf]", false),
+        ("[-inf, 0.5]", true),
+        ("[0.5, 2]", true),
+        ("[-1, 0.99]", true),
+        ("[-1, 1.001]", false),
+    ] {
         let task = ending("v = [-inf, 9]", &format!("v = {range}"));
         let (mut environment, mut buffers) = start(&task, 0);
         environment.set_state(&[-0.5, 3.0, 4.0, 0.1, 1.0, 0.0, 0.0, 0.0], &[0.0; 7]).unwrap();
@@ -368,16 +380,28 @@ fn slices_take_some_numbers_and_clips_cut_them_off() {
             .set_state(&[0.5, 3.0, 4.0, 2.0, 0.5, 0.5, 0.5, 0.5], &[-20.0, 11.0, 12.0, -13.0, 4.0, 5.0, -6.0])
             .unwrap();
         environment.observe(&mut buffers.observation, &mut buffers.measurements);
-        let names: Vec<String> =
-            task.specification().observation_parts.iter().map(|(name, width)| format!("{name}: {width}")).collect();
+        let names: Vec<String> = task
+            .specification()
+            .observation_parts
+            .iter()
+            .map(|(name, width)| format!("{name}: {width}"))
+            .collect();
         (buffers.observation, names.join(", "))
     };
     for (parts, wanted, names) in [
         ("{ qpos = 'ball_root[2:]' }", &[2.0, 0.5, 0.5, 0.5, 0.5][..], "qpos ball_root[2:7]: 5"),
-        ("{ qpos = ['slider', 'ball_root[:2]'] }", &[0.5, 3.0, 4.0], "qpos slider: 1, qpos ball_root[0:2]: 2"),
+        (
+            "{ qpos = ['slider', 'ball_root[:2]'] }",
+            &[0.5, 3.0, 4.0],
+            "qpos slider: 1, qpos ball_root[0:2]: 2",
+        ),
         ("{ qpos = 'all[3:4]' }", &[2.0], "qpos ball_root[2:3]: 1"),
         ("{ qvel = 'all[:2]' }", &[-20.0, 11.0], "qvel slider: 1, qvel ball_root[0:1]: 1"),
-        ("{ position = ['leather[2:]', 'box[:1]'] }", &[2.0, 0.5], "position leather[2:]: 1, position box[:1]: 1"),
+        (
+            "{ position = ['leather[2:]', 'box[:1]'] }",
+            &[2.0, 0.5],
+            "position leather[2:]: 1, position box[:1]: 1",
+        ),
         ("{ velocity = ['body:ball[1:3]'] }", &[12.0, -13.0], "velocity body:ball[1:3]: 2"),
         (
             "{ qvel = 'all', clip = [-10, 11.5] }",
@@ -389,7 +413,11 @@ fn slices_take_some_numbers_and_clips_cut_them_off() {
             &[-10.0, 11.0],
             "qvel slider clipped to [-10, inf]: 1, qvel ball_root[0:1]: 1",
         ),
-        ("{ position = ['leather'], clip = [-1, 3.5] }", &[3.0, 3.5, 2.0], "position leather clipped to [-1, 3.5]: 3"),
+        (
+            "{ position = ['leather'], clip = [-1, 3.5] }",
+            &[3.0, 3.5, 2.0],
+            "position leather clipped to [-1, 3.5]: 3",
+        ),
     ] {
         let (seen, called) = observation(parts);
         assert_eq!((seen.as_slice(), called.as_str()), (wanted, names), "{parts}");

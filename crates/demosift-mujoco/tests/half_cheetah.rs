@@ -37,11 +37,17 @@ fn two_hundred_steps_agree_with_gymnasium_to_the_last_bit() {
         assert_eq!(x, numbers(&step["qpos"])[0] as f32, "x at step {at}");
         let squares = action.iter().map(|a| f64::from(a.clamp(-1.0, 1.0)).powi(2));
         assert!((f64::from(effort) - squares.sum::<f64>()).abs() < 1e-6, "effort at step {at}");
-        assert!((f64::from(speed) - (numbers(&step["qpos"])[0] - before) / 0.05).abs() < 1e-6, "speed at step {at}");
+        assert!(
+            (f64::from(speed) - (numbers(&step["qpos"])[0] - before) / 0.05).abs() < 1e-6,
+            "speed at step {at}"
+        );
         before = numbers(&step["qpos"])[0];
         // Gymnasium counts actions as given, and the measurement as clipped; four of five are within the range.
         if action.iter().all(|value| value.abs() <= 1.0) {
-            assert!((f64::from(reward) - step["reward"].as_f64().unwrap()).abs() < 1e-6, "reward at step {at}");
+            assert!(
+                (f64::from(reward) - step["reward"].as_f64().unwrap()).abs() < 1e-6,
+                "reward at step {at}"
+            );
             within += 1;
         }
         assert_eq!(outcome.task_reward, step["reward"].as_f64().unwrap() as f32, "reward at step {at}");
@@ -55,7 +61,10 @@ fn sizes_and_heuristic_are_as_declared() {
     let task = registry::load("half_cheetah").unwrap();
     let specification = task.specification();
     assert_eq!((specification.observation_size, specification.action_size), (17, 6));
-    assert_eq!((specification.horizon, specification.measurements.join(" ").as_str()), (1000, "effort reward speed x"));
+    assert_eq!(
+        (specification.horizon, specification.measurements.join(" ").as_str()),
+        (1000, "effort reward speed x")
+    );
     assert_eq!(specification.control_step_secs, 0.05);
     assert_eq!(specification.variants, ["default"]);
     let rows = [[9.0, 9.0, 9.0, 1.0], [0.5, 0.25, 0.0, 7.0], [0.5, -1.0, 0.0, 3.5]].concat();

@@ -175,7 +175,11 @@ fn each_mistake_is_named_with_what_would_have_been_right() {
             r#"qpos = "all", clip = [-inf, inf]"#,
             &["observation: clip: [-inf, inf]: every number lies in it"],
         ),
-        (r#"qpos = "all""#, r#"qpos = "all", clip = [nan, 1]"#, &["clip: [NaN, 1]: its ends must be numbers"]),
+        (
+            r#"qpos = "all""#,
+            r#"qpos = "all", clip = [nan, 1]"#,
+            &["clip: [NaN, 1]: its ends must be numbers"],
+        ),
         (r#"qpos = "all""#, r#"qpos = "all", clip = 1"#, &["invalid type: integer `1`", "array of length 2"]),
         (
             r#"qpos = "all""#,
@@ -193,13 +197,17 @@ fn each_mistake_is_named_with_what_would_have_been_right() {
             r#"position = ["leather[3:]"]"#,
             &["observation: position: leather[3:]: there are 3 numbers"],
         ),
+        ("[heuristic]", "[ends]\nz = [0, 1]\n[heuristic]", &["ends: no measurement is called 'z'", "has: x"]),
         (
             "[heuristic]",
-            "[ends]\nz = [0, 1]\n[heuristic]",
-            &["ends: no measurement is called 'z'", "has: x"],
+            "[ends]\nx = [1, 0]\n[heuristic]",
+            &["ends: x: [1, 0]: nothing lies between its ends"],
         ),
-        ("[heuristic]", "[ends]\nx = [1, 0]\n[heuristic]", &["ends: x: [1, 0]: nothing lies between its ends"]),
-        ("[heuristic]", "[ends]\nx = [nan, 0]\n[heuristic]", &["ends: x: [NaN, 0]: its ends must be numbers"]),
+        (
+            "[heuristic]",
+            "[ends]\nx = [nan, 0]\n[heuristic]",
+            &["ends: x: [NaN, 0]: its ends must be numbers"],
+        ),
         ("[heuristic]", "[ends]\nx = [0]\n[heuristic]", &["array of length 2"]),
         ("[heuristic]", "y = 'alive'\n[heuristic]", &["measurements.y: `alive` says whether", "add [ends]"]),
         (
@@ -215,13 +223,21 @@ fn each_mistake_is_named_with_what_would_have_been_right() {
         ),
         ("[heuristic]", "y = { sum = {} }\n[heuristic]", &["measurements.y: sum: empty"]),
         ("[heuristic]", "y = { sum = { z = 1 } }\n[heuristic]", &["measurements.y: sum: no measurement"]),
-        ("[heuristic]", "y = { sum = { x = inf } }\n[heuristic]", &["weight of 'x' is inf, and must be finite"]),
+        (
+            "[heuristic]",
+            "y = { sum = { x = inf } }\n[heuristic]",
+            &["weight of 'x' is inf, and must be finite"],
+        ),
         (
             "[heuristic]",
             "y = { sum = { y = 1 } }\n[heuristic]",
             &["measurements.y: sum: 'y' is itself a sum; name what it is made of"],
         ),
-        ("[heuristic]", "y = { effort = 1 }\n[heuristic]", &["`effort` stands alone, as in name = \"effort\""]),
+        (
+            "[heuristic]",
+            "y = { effort = 1 }\n[heuristic]",
+            &["`effort` stands alone, as in name = \"effort\""],
+        ),
         ("[heuristic]", "y = 'qpos'\n[heuristic]", &["this word alone says too little", "slider"]),
         (
             "[heuristic]",
@@ -241,7 +257,9 @@ fn each_mistake_is_named_with_what_would_have_been_right() {
 /// What has no name is called by its kind and number, and so it is listed.
 #[test]
 fn a_part_without_a_name_can_be_named_as_it_is_listed() {
-    let nameless = MODEL.replace("<body name=\"ball\" pos", "<body pos").replace("<freejoint name=\"ball\"/>", "<freejoint/>");
+    let nameless = MODEL
+        .replace("<body name=\"ball\" pos", "<body pos")
+        .replace("<freejoint name=\"ball\"/>", "<freejoint/>");
     assert!(nameless != MODEL);
     let task = TASK.replace(
         "[measurements]",
@@ -255,7 +273,8 @@ fn a_part_without_a_name_can_be_named_as_it_is_listed() {
     // A name of its own hides the number.
     let error = load(&task.replace("'body 2' }", "'body 1' }"), &nameless).err().unwrap().to_string();
     assert!(error.contains("no site or geom or body is called 'body 1'"), "{error}");
-    let error = load(&TASK.replace("qpos = \"slider\"", "qpos = \"hip\""), &nameless).err().unwrap().to_string();
+    let error =
+        load(&TASK.replace("qpos = \"slider\"", "qpos = \"hip\""), &nameless).err().unwrap().to_string();
     assert!(error.contains("the model has: slider, joint 1"), "{error}");
 }
 

@@ -63,13 +63,17 @@ fn whole_episodes_agree_with_gymnasium_to_their_ends() {
             assert!((f64::from(outcome.task_reward) - reward).abs() < 1e-5, "reward at {at}");
             assert_eq!(outcome.terminated, step["terminated"], "{at}");
             // What of Gymnasium's reward changes where actions count as clipped.
-            let squares = |most: f64| action.iter().map(|a| f64::from(*a).clamp(-most, most).powi(2)).sum::<f64>();
+            let squares =
+                |most: f64| action.iter().map(|a| f64::from(*a).clamp(-most, most).powi(2)).sum::<f64>();
             true_return += reward + 0.001 * (squares(f64::INFINITY) - squares(1.0));
             largest = action.iter().fold(largest, |largest, value| largest.max(f64::from(value.abs())));
             let speed = (qpos[0] - x) / 0.008;
             x = qpos[0];
             assert!((f64::from(measurements[measured("speed")]) - speed).abs() < 1e-5, "speed at {at}");
-            assert!((f64::from(measurements[measured("effort")]) - squares(1.0)).abs() < 1e-5, "effort at {at}");
+            assert!(
+                (f64::from(measurements[measured("effort")]) - squares(1.0)).abs() < 1e-5,
+                "effort at {at}"
+            );
             assert_eq!(measurements[measured("alive")], f32::from(u8::from(!outcome.terminated)), "{at}");
         }
         let found = task.true_return(&rows).unwrap();
@@ -89,7 +93,8 @@ fn sizes_are_as_declared() {
     assert_eq!((specification.horizon, task.frame_skip()), (1000, 4));
     assert!((specification.control_step_secs - 0.008).abs() < 1e-15);
     assert!(task.may_end_early() && !registry::load("half_cheetah").unwrap().may_end_early());
-    let parts = specification.observation_parts.iter().filter(|(name, _)| name.ends_with("clipped to [-10, 10]"));
+    let parts =
+        specification.observation_parts.iter().filter(|(name, _)| name.ends_with("clipped to [-10, 10]"));
     assert_eq!(parts.count(), 9);
 }
 

@@ -193,8 +193,12 @@ fn under_random_actions(seen: &Seen, played: &Played, steps_per_sec: f64) -> Str
     } else {
         String::new()
     };
+    let ended = match played.ended_early {
+        0 => String::new(),
+        count => format!(" ({count} of them ended early)"),
+    };
     let words = format!(
-        "{}{cut} of random actions: {} control steps, {} a second on one thread.",
+        "{}{cut} of random actions{ended}: {} control steps, {} a second on one thread.",
         check::several(played.episodes, "episode"),
         played.steps,
         tables::rounded(steps_per_sec)

@@ -218,8 +218,10 @@ pub(super) fn judge(
     };
     let odd: Vec<Episode<'_>> = wrong.iter().map(|id| episodes[*id]).collect();
     let explained = explanation(environment, &odd)?;
-    let least = wrong.iter().filter_map(|id| misses[*id]).map(|missed| missed.typical).fold(f64::INFINITY, f64::min);
-    let how = if explained.is_none() && typical <= OTHER_CONTACTS { "lead only nearly" } else { "do not lead" };
+    let least =
+        wrong.iter().filter_map(|id| misses[*id]).map(|missed| missed.typical).fold(f64::INFINITY, f64::min);
+    let how =
+        if explained.is_none() && typical <= OTHER_CONTACTS { "lead only nearly" } else { "do not lead" };
     let message = format!(
         "the actions of {whose} {how} to the next recorded state: a typical step misses {} of its change{first}",
         if least == typical {
@@ -371,6 +373,7 @@ fn explanation(environment: &mut MujocoEnvironment, episodes: &[Episode<'_>]) ->
             best = Some((missed, words));
         }
     }
-    Ok(best
-        .map(|(missed, words)| format!("it seems that {words} (then a typical step misses {})", percent_missed(missed))))
+    Ok(best.map(|(missed, words)| {
+        format!("it seems that {words} (then a typical step misses {})", percent_missed(missed))
+    }))
 }

@@ -49,7 +49,7 @@ impl Known {
     pub(super) fn all(task: &MujocoTask) -> Self {
         let model = task.model().mujoco();
         let everything = |count: i64| vec![Interval::EVERYTHING; count as usize];
-        Self { hidden: Vec::new(), qpos: everything(model.nq().into()), qvel: everything(model.nv().into()) }
+        Self { hidden: Vec::new(), qpos: everything(model.nq()), qvel: everything(model.nv()) }
     }
 
     pub(super) fn is_all(&self) -> bool {
@@ -156,19 +156,23 @@ struct Extremes {
 
 impl Extremes {
     fn is_within(&self, clip: Option<Interval>) -> bool {
-        clip.is_none_or(|clip| self.all.low >= f64::from(clip.low as f32) && self.all.high <= f64::from(clip.high as f32))
+        clip.is_none_or(|clip| {
+            self.all.low >= f64::from(clip.low as f32) && self.all.high <= f64::from(clip.high as f32)
+        })
     }
 }
 
 fn extremes(set: &[Demonstration], columns: std::ops::Range<usize>) -> Extremes {
     let rows = set.iter().flat_map(|one| one.observations().iter());
     let numbers = rows.flat_map(|row| &row[columns.clone()]).copied();
-    let (low, high) =
-        numbers.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), number| (low.min(number), high.max(number)));
+    let (low, high) = numbers
+        .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), number| (low.min(number), high.max(number)));
     let returns_to = |extreme: f32| {
         // Forces are often 0, and nothing is cut off there.
         extreme != 0.0
-            && set.iter().any(|one| columns.clone().any(|at| times_reached(one.observations(), at, extreme) >= RETURNS))
+            && set.iter().any(|one| {
+                columns.clone().any(|at| times_reached(one.observations(), at, extreme) >= RETURNS)
+            })
     };
     let shown = Interval {
         low: if returns_to(low) { f64::from(low) } else { f64::NEG_INFINITY },

@@ -66,11 +66,12 @@ pub(super) fn explained(
         .demonstrations
         .iter()
         .zip(measured.rows)
-        .map(|(one, rows)| rows.as_ref().map_or(End::Unexplained, |rows| end(&ranges, rows, one.steps, horizon)))
+        .map(|(one, rows)| {
+            rows.as_ref().map_or(End::Unexplained, |rows| end(&ranges, rows, one.steps, horizon))
+        })
         .collect();
-    let those = |is_it: fn(&End) -> bool| -> Vec<usize> {
-        (0..ends.len()).filter(|id| is_it(&ends[*id])).collect()
-    };
+    let those =
+        |is_it: fn(&End) -> bool| -> Vec<usize> { (0..ends.len()).filter(|id| is_it(&ends[*id])).collect() };
     let mut findings = Vec::new();
     let short = those(|end| *end == End::Explained);
     if !short.is_empty() {
@@ -92,7 +93,8 @@ pub(super) fn explained(
         ));
     }
     let overrun = those(|end| matches!(end, End::Overrun(_)));
-    let first = ends.iter().filter_map(|end| if let End::Overrun(step) = end { Some(step) } else { None }).min();
+    let first =
+        ends.iter().filter_map(|end| if let End::Overrun(step) = end { Some(step) } else { None }).min();
     if let Some(step) = first {
         findings.push(Finding::warning(
             format!(

@@ -271,7 +271,11 @@ fn replay_all(
         }
         measured.push(rows);
     }
-    findings.extend(lengths::explained(task, recorded, lengths::Measured { rows: &measured, states, known })?);
+    findings.extend(lengths::explained(
+        task,
+        recorded,
+        lengths::Measured { rows: &measured, states, known },
+    )?);
     findings.extend(dynamics::not_recorded(&environment, &episodes));
     let misses = dynamics::misses(&mut environment, &episodes)?;
     for (one, missed) in recorded.demonstrations.iter_mut().zip(&misses) {
