@@ -155,14 +155,14 @@ fn what_ends_an_episode_and_what_is_clipped_is_described() {
     let scratch = with_task(
         "check-ends",
         "heuristic = {",
-        "ends = { x = [-0.4, 0.12] }\nreturn = { measurement = 'x' }\nheuristic = {",
+        "ends = { x = [-0.4, 0.1] }\nreturn = { measurement = 'x' }\nheuristic = {",
     );
     let file = scratch.0.join("block/task.toml");
     let text = std::fs::read_to_string(&file).unwrap();
     std::fs::write(&file, text.replace("{ qvel = 'all' }", "{ qvel = 'all', clip = [-inf, 2.5] }")).unwrap();
     let said = scratch.succeed("task check block");
     for wanted in [
-        "episode        20 control steps, 0.40 s; ends early as soon as x leaves [-0.4, 0.12]",
+        "episode        20 control steps, 0.40 s; ends early as soon as x leaves [-0.4, 0.1]",
         "observation    2 numbers: qpos 1, qvel 1 clipped to [-inf, 2.5]",
         "return         the sum of x over the steps, for reports only",
         "of them ended early)",
@@ -171,12 +171,12 @@ fn what_ends_an_episode_and_what_is_clipped_is_described() {
         assert!(said.contains(wanted), "{wanted}\n{said}");
     }
     let json: Value = serde_json::from_str(&scratch.succeed("task check block --json")).unwrap();
-    assert_eq!(json["task"]["ends"][0], "x leaves [-0.4, 0.12]");
+    assert_eq!(json["task"]["ends"][0], "x leaves [-0.4, 0.1]");
     assert_eq!(json["task"]["true_return"], "x");
     assert!(json["played"]["ended_early"].as_u64().unwrap() > 0);
     // A set of such a task: its length is explained, and a dry run says what it cannot count.
     let numbers = |values: &[f32], width| Rows::from_flat(values.to_vec(), width).unwrap();
-    let (observations, actions) = (numbers(&[0.10, 0.5, 0.11, 0.5], 2), numbers(&[0.0, 0.0], 1));
+    let (observations, actions) = (numbers(&[0.085, 0.5, 0.095, 0.5], 2), numbers(&[0.0, 0.0], 1));
     let episode =
         || Episode { observations: &observations, actions: &actions, states: None, terminated: true };
     d4rl::write(&scratch.0.join("short.hdf5"), &[episode(), episode(), episode()]).unwrap();

@@ -435,11 +435,7 @@ fn of_a_large_set_the_first_steps_are_looked_at() {
     let (_, findings) = compared(&task, &many, &logs);
     assert_fine(&findings);
     assert_found(&findings, Severity::Fine, "number by number (of the first 33 steps of each demonstration)");
-    assert_found(
-        &findings,
-        Severity::Fine,
-        "of a step's change) (of the first 33 steps of each demonstration)",
-    );
+    assert_found(&findings, Severity::Fine, "of its change) (of the first 33 steps of each demonstration)");
     let swapped = |row: &[f32]| [&row[2..4], &row[..2], &row[4..]].concat();
     let (_, findings) = compared(&task, &changed(&many, swapped, same), &logs);
     assert_found(

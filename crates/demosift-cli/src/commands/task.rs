@@ -21,9 +21,9 @@ use crate::{demonstrations, terminal};
 const SHOWN: usize = 24;
 
 const LEGEND: &str = "Misses: the share of a step's change that an action, taken in its own recorded state, does not bring \
-                      about, as root mean square over the steps; typically: of the median step in which something moves. \
-                      Drift: how far positions go from the recorded ones, rad or m, at most and as root mean \
-                      square; leaves: the first step at which it is more than 0.01.";
+                      about, of the median step among those in which something moves. Drift: how far positions go from \
+                      the recorded ones, rad or m, at most and as root mean square; leaves: the first step at which it is \
+                      more than 0.01.";
 
 pub(crate) fn run(command: &TaskCommand) -> Result<()> {
     match command {
@@ -245,7 +245,7 @@ fn under_recorded_actions(seen: &Seen, recorded: &Recorded) -> String {
     if replayed {
         header.extend(scored.then_some(title.as_str()));
         header.extend(says.then_some("success"));
-        header.extend(["misses", "typically", "drift", "rms", "leaves"]);
+        header.extend(["misses", "drift", "rms", "leaves"]);
     }
     let rows: Vec<Vec<String>> = recorded
         .demonstrations
@@ -282,9 +282,7 @@ fn row_of(
     if says {
         row.push(one.succeeded.map_or_else(unknown, tables::yes_or_no));
     }
-    for missed in [one.missed, one.typically_missed] {
-        row.push(missed.map_or_else(unknown, check::percent_missed));
-    }
+    row.push(one.typically_missed.map_or_else(unknown, check::percent_missed));
     match one.drift {
         None => row.extend([(); 3].map(|()| unknown())),
         Some(drift) => {

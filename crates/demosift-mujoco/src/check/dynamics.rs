@@ -191,20 +191,20 @@ pub(super) fn judge(
     let most = largest(known.iter().map(|missed| missed.share));
     let typical = largest(known.iter().map(|missed| missed.typical));
     if is_same_physics(typical) {
-        return Ok(Some(Finding::fine(if is_same_physics(most) {
-            format!(
-                "each recorded action leads to the next recorded state (it misses at most {} of a step's change){first}",
-                percent_missed(most)
-            )
+        let landings = if is_same_physics(most) {
+            String::new()
         } else {
             format!(
-                "recorded actions lead to the next recorded states (a typical step misses at most {} of its change){first}; \
-                 some steps miss more, up to {} of an episode's in root mean square, as contacts of another version of the \
-                 engine do",
-                percent_missed(typical),
+                "; some steps miss more, up to {} of the change of an episode in root mean square, as contacts of another \
+                 version of the engine do",
                 percent_missed(most)
             )
-        })));
+        };
+        return Ok(Some(Finding::fine(format!(
+            "each recorded action leads to the next recorded state (a typical step misses at most {} of its \
+             change){first}{landings}",
+            percent_missed(typical)
+        ))));
     }
     let wrong: Vec<usize> = (0..misses.len())
         .filter(|id| misses[*id].is_some_and(|missed| !is_same_physics(missed.typical)))
