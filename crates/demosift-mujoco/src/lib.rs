@@ -48,7 +48,6 @@
 //! upright = { height_above = ["head", "pelvis"] }
 //! aside = { position = { of = "hand", axis = "y" } }  # or velocity
 //! lands = { contact = ["hand", "floor"] }             # 1 while geoms (or geoms of bodies) touch, else 0
-//!
 //! speed = { rate_of = "x" }            # what it changed in the control step, a second; 0 after the reset
 //! effort = "effort"                    # |action|² of the step, clipped to [-1, 1]; 0 after the reset
 //! alive = "alive"                      # 1 while every range of [ends] holds, else 0
