@@ -715,6 +715,15 @@ fn the_same_body_with_other_contacts_is_no_error_and_another_body_is() {
     assert!(softer.iter().any(|one| one.missed.unwrap() > 0.05), "contacts matter: {softer:#?}");
     let (_, errors) = judged(walker.replace("friction=\"1.9 0.1 0.1\"", "friction=\"0.9 0.1 0.1\""));
     assert!(errors.is_empty(), "{errors:#?}");
+    // One guest among many of the same body under another engine stands out.
+    let other = walker.replace("gear=\"100\"", "gear=\"30\"");
+    let (guests, guest_states) = record(&load(&other));
+    let mixed = [&set[..2], &guests[..1]].concat();
+    let mixed_states = [&states[..2], &guest_states[..1]].concat();
+    let rougher = load(&walker.replace("damping=\"0.1\"", "damping=\"0.2\""));
+    let (_, findings) = compared(&rougher, &mixed, &mixed_states);
+    assert_found(&findings, Severity::Warning, "the actions of 1 of 3 demonstrations (2) do not lead");
+    assert_found(&findings, Severity::Warning, "with another model or body than the others");
     let (_, errors) = judged(walker.replace("gear=\"100\"", "gear=\"30\""));
     assert!(
         errors.iter().any(|one| one.message.contains("do not lead to the next recorded state")),

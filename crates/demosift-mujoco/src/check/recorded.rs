@@ -211,7 +211,7 @@ fn actions(set: &[Demonstration], recorded: &Recorded) -> Finding {
     let message = format!("{share:.1} % of the numbers of actions are outside [-1, 1], up to {largest:.2}");
     // What was clipped then and is clipped now leads to the same states.
     let physics = recorded.demonstrations.iter().map(|one| one.typically_missed);
-    if physics.clone().all(|missed| missed.is_some_and(dynamics::is_same_physics)) {
+    if physics.clone().all(|missed| missed.is_some_and(dynamics::is_same_body)) {
         return Finding::fine(format!("{message}; they are clipped, as they were when they were recorded"));
     }
     Finding::warning(
