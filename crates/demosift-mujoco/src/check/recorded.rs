@@ -284,7 +284,9 @@ fn replay_all(
     }
     if let Some(mut finding) = dynamics::judge(&mut environment, &episodes, &misses)? {
         same_physics = finding.severity == Severity::Fine;
-        if let (StatesFrom::Observations, Some(advice)) = (recorded.states, &mut finding.advice) {
+        let is_far = misses.iter().flatten().any(|missed| !dynamics::is_same_body(missed.typical));
+        let from_observations = recorded.states == StatesFrom::Observations;
+        if let Some(advice) = finding.advice.as_mut().filter(|_| from_observations && is_far) {
             *advice += "; or the numbers of the set stand in another order than those of `observation`";
         }
         findings.push(finding);
