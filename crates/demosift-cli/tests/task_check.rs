@@ -151,6 +151,47 @@ fn a_set_that_cannot_be_read_is_one_of_the_findings() {
 }
 
 #[test]
+fn what_ends_an_episode_and_what_is_clipped_is_described() {
+    let scratch = with_task(
+        "check-ends",
+        "heuristic = {",
+        "ends = { x = [-0.4, 0.1] }\nreturn = { measurement = 'x' }\nheuristic = {",
+    );
+    let file = scratch.0.join("block/task.toml");
+    let text = std::fs::read_to_string(&file).unwrap();
+    std::fs::write(&file, text.replace("{ qvel = 'all' }", "{ qvel = 'all', clip = [-inf, 2.5] }")).unwrap();
+    let said = scratch.succeed("task check block");
+    for wanted in [
+        "episode        20 control steps, 0.40 s; ends early as soon as x leaves [-0.4, 0.1]",
+        "observation    2 numbers: qpos 1, qvel 1 clipped to [-inf, 2.5]",
+        "return         the sum of x over the steps, for reports only",
+        "of them ended early)",
+        "random episodes end early, after ",
+    ] {
+        assert!(said.contains(wanted), "{wanted}\n{said}");
+    }
+    let json: Value = serde_json::from_str(&scratch.succeed("task check block --json")).unwrap();
+    assert_eq!(json["task"]["ends"][0], "x leaves [-0.4, 0.1]");
+    assert_eq!(json["task"]["true_return"], "x");
+    assert!(json["played"]["ended_early"].as_u64().unwrap() > 0);
+    // A set of such a task: its length is explained, and a dry run says what it cannot count.
+    let numbers = |values: &[f32], width| Rows::from_flat(values.to_vec(), width).unwrap();
+    let (observations, actions) = (numbers(&[0.085, 0.5, 0.095, 0.5], 2), numbers(&[0.0, 0.0], 1));
+    let episode =
+        || Episode { observations: &observations, actions: &actions, states: None, terminated: true };
+    d4rl::write(&scratch.0.join("short.hdf5"), &[episode(), episode(), episode()]).unwrap();
+    let said = scratch.run("task check block --data short.hdf5").stdout;
+    let said = String::from_utf8(said).unwrap();
+    let words = said.split_whitespace().collect::<Vec<_>>().join(" ");
+    let wanted = "3 of 3 demonstrations have 2 steps, and an episode of the task 20; each of these ends where the task ends";
+    assert!(words.contains(wanted), "{said}");
+    let dry = scratch.succeed("sift short.hdf5 --task block --config tiny.toml --dry-run");
+    assert!(dry.contains("Episodes of this task may end early"), "{dry}");
+    let dry = scratch.succeed("sift set --task point_mass --config tiny.toml --dry-run");
+    assert!(!dry.contains("may end early"), "{dry}");
+}
+
+#[test]
 fn an_episode_has_an_end() {
     let scratch = with_task("check-endless", "horizon = 20", "horizon = 9000000000000000000");
     let output = scratch.run("task check block");

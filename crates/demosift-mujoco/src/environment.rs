@@ -16,7 +16,7 @@ use demosift::{Error, Result};
 use mujoco_rs::prelude::{MjData, MjtWarning};
 
 use crate::heuristic_fold::FoldState;
-use crate::measurement::Data;
+use crate::measurement::{Data, Moment, Step};
 use crate::model::Model;
 use crate::mujoco_task::Blueprint;
 use crate::observation::Reading;
@@ -64,7 +64,7 @@ impl MujocoEnvironment {
         let data = MjData::try_new(task.model.mujoco().clone())
             .map_err(|error| Error::simulation(format!("MuJoCo cannot set up a simulation: {error}")))?;
         let measurements = vec![0.0; task.measurements.len()];
-        let needs_wrenches = task.observation.iter().any(|part| matches!(part, Reading::ContactWrench(_)));
+        let needs_wrenches = task.observation.iter().any(Reading::is_contact_wrench);
         let (before, after) = (measurements.clone(), measurements);
         Ok(Self { task, data, steps: 0, before, after, success: None, needs_wrenches })
     }
@@ -89,6 +89,25 @@ impl MujocoEnvironment {
     /// # Errors
     /// If a length is not the model's, or a number is not finite.
     pub fn set_state(&mut self, qpos: &[f64], qvel: &[f64]) -> Result<()> {
+        self.place(qpos, qvel)?;
+        self.begin();
+        Ok(())
+    }
+
+    /// Goes on to the given state as if the action had led there, for what is measured of steps.
+    ///
+    /// # Errors
+    /// As [`set_state`](Self::set_state).
+    pub(crate) fn go_on_to(&mut self, qpos: &[f64], qvel: &[f64], action: &[f32]) -> Result<()> {
+        self.place(qpos, qvel)?;
+        self.compute();
+        self.steps += 1;
+        std::mem::swap(&mut self.before, &mut self.after);
+        self.measure(Some(action));
+        Ok(())
+    }
+
+    fn place(&mut self, qpos: &[f64], qvel: &[f64]) -> Result<()> {
         for (what, got, wanted) in
             [("qpos", qpos, self.data.qpos().len()), ("qvel", qvel, self.data.qvel().len())]
         {
@@ -103,7 +122,6 @@ impl MujocoEnvironment {
         self.data.reset();
         self.data.qpos_mut().copy_from_slice(qpos);
         self.data.qvel_mut().copy_from_slice(qvel);
-        self.begin();
         Ok(())
     }
 
@@ -162,14 +180,29 @@ impl MujocoEnvironment {
         &self.task.model
     }
 
-    /// Computes everything that follows from position and velocity, and forgets the episode before.
-    fn begin(&mut self) {
+    /// Whether the state is one in which an episode ends before its horizon; never, if that is unstable.
+    pub(crate) fn has_ended(&self) -> bool {
+        !self.is_unstable() && self.task.ends.left(&self.after).is_some()
+    }
+
+    /// The measurements of the present state, `[measurements]`.
+    pub(crate) fn measured(&self) -> &[f64] {
+        &self.after
+    }
+
+    /// Computes everything that follows from position and velocity.
+    fn compute(&mut self) {
         self.data.forward();
         if self.needs_wrenches {
             self.data.rne_post_constraint();
         }
+    }
+
+    /// Computes the state, and forgets the episode before.
+    fn begin(&mut self) {
+        self.compute();
         self.steps = 0;
-        self.measure();
+        self.measure(None);
         self.success = self.task.success.as_ref().map(|success| {
             let row: Vec<f32> = self.after.iter().map(|value| *value as f32).collect();
             let mut so_far = success.fold.start();
@@ -178,9 +211,13 @@ impl MujocoEnvironment {
         });
     }
 
-    fn measure(&mut self) {
-        for (value, measurement) in self.after.iter_mut().zip(&self.task.measurements) {
-            *value = measurement.take(&self.data);
+    /// Takes all measurements of the present state, to which `action` led from that of `before`.
+    fn measure(&mut self, action: Option<&[f32]>) {
+        let secs = self.task.specification.control_step_secs;
+        let step = action.map(|action| Step { before: &self.before, action, secs });
+        let moment = Moment { data: &self.data, step, ends: &self.task.ends };
+        for &column in &self.task.measuring_order {
+            self.after[column] = self.task.measurements[column].take(&moment, &self.after);
         }
     }
 
@@ -205,9 +242,9 @@ impl MujocoEnvironment {
 
     /// What reaching the goal pays in this step: once, as soon as the success cannot be undone any more.
     fn success_reward(&mut self, measurements: &[f32]) -> f64 {
+        let is_last = self.steps == self.task.specification.horizon || self.has_ended();
         let (Some(success), Some(progress)) = (&self.task.success, &mut self.success) else { return 0.0 };
         success.fold.push(&mut progress.so_far, measurements);
-        let is_last = self.steps == self.task.specification.horizon;
         let holds = success.bound.holds(success.fold.value(&progress.so_far));
         let pays = !progress.paid
             && holds
@@ -252,13 +289,13 @@ impl Environment for MujocoEnvironment {
         self.push(action, self.task.frame_skip);
         self.steps += 1;
         std::mem::swap(&mut self.before, &mut self.after);
-        self.measure();
+        self.measure(Some(action));
         self.observe(observation, measurements);
         let task_reward = if self.is_unstable() {
             f32::NAN
         } else {
             self.task_reward(action, observation, measurements) as f32
         };
-        StepOutcome { task_reward, terminated: false }
+        StepOutcome { task_reward, terminated: self.has_ended() }
     }
 }

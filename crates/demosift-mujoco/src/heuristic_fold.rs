@@ -217,6 +217,22 @@ impl Fold {
         !self.negate && self.kind != FoldKind::Count
     }
 
+    /// Why an episode that ends early may be rated too well, where it may: its remaining steps are not there to count against it.
+    pub(crate) fn favors_an_early_end(&self) -> Option<&'static str> {
+        match (self.kind, self.negate) {
+            (FoldKind::Mean, _) => {
+                Some("a mean over the steps that were played, so that falling at once costs nothing")
+            }
+            (FoldKind::Sum | FoldKind::Count, true) => Some(
+                "a negated sum over the steps that were played, so that the sooner it ends the less it costs",
+            ),
+            (FoldKind::Min, false) | (FoldKind::Max, true) => Some(
+                "the worst of the steps that were played, so that the sooner it ends the less can go wrong",
+            ),
+            _ => None,
+        }
+    }
+
     /// Whether it may be the same in many episodes by design: it counts, or looks only where conditions hold.
     pub(crate) fn is_sparse(&self) -> bool {
         self.kind == FoldKind::Count || !self.when.is_empty() || !self.as_long_as.is_empty()

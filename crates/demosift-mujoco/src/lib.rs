@@ -16,16 +16,18 @@
 //! model = "arm.xml"         # beside this file; it may include files, from other folders too
 //! camera = "front"          # optional: the one that shows the task best
 //! frame_skip = 5            # steps of the physics in a control step
-//! horizon = 100             # control steps in an episode, always
+//! horizon = 100             # control steps in an episode, always, or at most where there is [ends]
 //!
 //! # What the agent sees, in order. A place is a site, geom or body; `site:`, `geom:` or `body:` before
-//! # a name says which where several have it.
+//! # a name says which where several have it. What has no name is called `body 4`, `joint 1` and so on, as the check lists it.
+//! # A slice behind a name takes some of its numbers, counted from 0 and half open, as in Python; `clip` cuts a part off.
 //! observation = [
 //!   { qpos = { except = ["ball"] } },  # "all", a joint, [joints], or all but some
-//!   { qvel = "all" },                  # a free joint has 7 positions and 6 velocities
+//!   { qpos = "ball[2:]" },             # of a free joint's 7 positions all but x and y; also "all[2:]"
+//!   { qvel = "all", clip = [-10, 10] },                # a free joint has 6 velocities; an end may be inf
 //!   { position = ["hand"] },           # 3 numbers a place, m
 //!   { velocity = ["hand"] },           # 3 numbers a place, m/s
-//!   { contact_wrench = ["foot"] },     # 6 numbers a body: torque and force of its contacts
+//!   { contact_wrench = ["foot[3:]"] }, # of 6 numbers a body, torque and force of its contacts, the force
 //!   "phase",                           # share of the episode that has passed
 //! ]
 //!
@@ -46,6 +48,16 @@
 //! upright = { height_above = ["head", "pelvis"] }
 //! aside = { position = { of = "hand", axis = "y" } }  # or velocity
 //! lands = { contact = ["hand", "floor"] }             # 1 while geoms (or geoms of bodies) touch, else 0
+//! speed = { rate_of = "x" }            # what it changed in the control step, a second; 0 after the reset
+//! effort = "effort"                    # |action|² of the step, clipped to [-1, 1]; 0 after the reset
+//! alive = "alive"                      # 1 while every range of [ends] holds, else 0
+//! worth = { sum = { alive = 1.0, speed = 1.0, effort = -0.001 } }      # others, each times its weight
+//!
+//! [ends]                               # optional: the step after which a measurement is not within its range is the last one
+//! head = [0.8, 2.0]                    # the ends are outside; [0.8, inf] has one
+//!
+//! [return]                             # optional: what others would report, for reports only and never for judging
+//! measurement = "worth"                # added up over the steps, without the row after the reset
 //!
 //! [heuristic]                          # of the T+1 rows of measurements; the one after the reset is the first
 //! fold = "min"                         # last_minus_first, min, max, sum, mean, last, count (of rows: without `of`)
@@ -66,12 +78,17 @@
 //! name = "left"
 //! qpos = { target = -1.0 }             # on top of [reset]; also qvel
 //! ```
+//!
+//! Where an episode ends early, heuristic, success and return are worked out of the rows that were played.
+//! A mean then rates a beginning; `docs/traps/variable-horizon.md` says what to take instead.
 
 pub mod check;
+mod ends;
 pub mod environment;
 pub mod film;
 mod heuristic_fold;
 mod include;
+mod interval;
 mod measurement;
 pub mod model;
 pub mod mujoco_task;
@@ -85,5 +102,6 @@ pub mod replay;
 mod reset;
 pub mod reward;
 pub mod scene;
+mod slice;
 mod task_file;
 mod tasks;

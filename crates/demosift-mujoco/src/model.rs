@@ -89,6 +89,11 @@ impl Kind {
             Self::Actuator => "actuator",
         }
     }
+
+    /// Whether a task file may call one of them `body 4` or the like where it has no name of its own.
+    fn may_be_nameless(self) -> bool {
+        matches!(self, Self::Body | Self::Joint | Self::Geom | Self::Site)
+    }
 }
 
 impl Model {
@@ -189,16 +194,35 @@ impl Model {
         (0..count as usize).map(name).collect()
     }
 
-    /// The id of the thing with this name.
+    /// The id of the thing with this name, or without one and called `body 4` or the like.
     ///
     /// # Errors
     /// If there is none; lists the names there are.
     pub(crate) fn id(&self, kind: Kind, name: &str) -> Result<usize> {
         let names = self.names(kind);
-        names
-            .iter()
-            .position(|known| known.as_deref() == Some(name))
-            .ok_or_else(|| unknown(&[kind], name, names.into_iter().flatten().collect()))
+        let has_it = names.iter().position(|known| known.as_deref() == Some(name));
+        has_it
+            .or_else(|| self.nameless_id(kind, name))
+            .ok_or_else(|| unknown(&[kind], name, self.known(kind)))
+    }
+
+    /// The id of a thing without a name that goes by `body 4` or the like.
+    fn nameless_id(&self, kind: Kind, name: &str) -> Option<usize> {
+        if !kind.may_be_nameless() {
+            return None;
+        }
+        let names = self.names(kind);
+        let is_it = |id: usize| names[id].is_none() && name == format!("{} {id}", kind.word());
+        (0..names.len()).find(|id| is_it(*id))
+    }
+
+    /// What [`Model::id`] finds: names, and `body 4` or the like for what has none.
+    fn known(&self, kind: Kind) -> Vec<String> {
+        if kind.may_be_nameless() {
+            self.called(kind)
+        } else {
+            self.names(kind).into_iter().flatten().collect()
+        }
     }
 
     /// All joints in order of their ids, which is the order of their numbers in the state.
@@ -233,10 +257,18 @@ impl Model {
         names.map(|(id, name)| name.unwrap_or_else(|| format!("{} {id}", kind.word()))).collect()
     }
 
-    /// Which numbers of the position belong to slide joints.
-    pub(crate) fn slides(&self) -> Vec<usize> {
+    /// Which numbers of the position say where something stands: those of slide joints, and x and y of free ones.
+    pub(crate) fn places(&self) -> Vec<usize> {
         let kinds = self.0.jnt_type().iter().zip(self.0.jnt_qposadr());
-        kinds.filter(|(kind, _)| **kind == MjtJoint::mjJNT_SLIDE).map(|(_, at)| *at as usize).collect()
+        let numbers = kinds.map(|(kind, at)| {
+            let count = match kind {
+                MjtJoint::mjJNT_SLIDE => 1,
+                MjtJoint::mjJNT_FREE => 2,
+                MjtJoint::mjJNT_BALL | MjtJoint::mjJNT_HINGE => 0,
+            };
+            *at as usize..*at as usize + count
+        });
+        numbers.flatten().collect()
     }
 
     /// The joint with this name.
@@ -275,7 +307,7 @@ impl Model {
             [point] => Ok(point),
             [] => {
                 let kinds = [Kind::Site, Kind::Geom, Kind::Body];
-                let names = kinds.iter().flat_map(|kind| self.names(*kind).into_iter().flatten());
+                let names = kinds.iter().flat_map(|kind| self.known(*kind));
                 Err(unknown(&kinds, name, names.collect()))
             }
             _ => Err(Error::bad_config(format!(

@@ -8,11 +8,12 @@ use demosift::heuristic::Heuristic;
 use demosift::rows::Rows;
 use demosift::{Error, Result};
 
+use crate::ends::Ends;
 use crate::environment::MujocoEnvironment;
-use crate::heuristic_fold::Fold;
-use crate::measurement::Measurement;
+use crate::heuristic_fold::{Fold, column};
+use crate::measurement::{self, Measurement};
 use crate::model::{Kind, Model};
-use crate::observation::{self, Reading};
+use crate::observation::{self, Observed, Reading};
 use crate::reset::Reset;
 use crate::reward::{RewardShaping, Success, Term};
 use crate::task_file::TaskFile;
@@ -31,12 +32,17 @@ pub(crate) struct Blueprint {
     pub(crate) frame_skip: u32,
     pub(crate) observation: Vec<Reading>,
     pub(crate) measurements: Vec<Measurement>,
+    /// The columns of the measurements, each after those that it is made of.
+    pub(crate) measuring_order: Vec<usize>,
+    pub(crate) ends: Ends,
     pub(crate) controls: Vec<Control>,
     pub(crate) reset: Reset,
     pub(crate) terms: Vec<Term>,
     pub(crate) success: Option<Success>,
     pub(crate) shaping: Option<Box<dyn RewardShaping>>,
     pub(crate) heuristic: Fold,
+    /// The column whose sum over the steps others would report.
+    pub(crate) true_return: Option<usize>,
     camera: Option<String>,
 }
 
@@ -190,6 +196,16 @@ impl Task for MujocoTask {
         let success = self.0.success.as_ref()?;
         Some(success.bound.holds(success.fold.over(measurements)))
     }
+
+    fn true_return(&self, measurements: &Rows) -> Option<f64> {
+        let column = self.0.true_return?;
+        // The first row is that of the reset, to which no step led.
+        Some(measurements.iter().skip(1).map(|row| f64::from(row[column])).sum())
+    }
+
+    fn may_end_early(&self) -> bool {
+        !self.0.ends.is_empty()
+    }
 }
 
 fn read(task_file: &Path) -> Result<String> {
@@ -216,13 +232,12 @@ fn horizon(file: &TaskFile) -> Result<usize> {
 fn resolve(file: &TaskFile, model: Model) -> Result<Blueprint> {
     let horizon = horizon(file)?;
     let names: Vec<String> = file.measurements.keys().cloned().collect();
-    let observation =
+    let Observed { readings: observation, parts } =
         observation::resolve(&file.observation, &model).map_err(|error| error.during("observation"))?;
-    let measurements = file.measurements.iter().map(|(name, measurement)| {
-        Measurement::resolve(measurement, &model)
-            .map_err(|error| error.during(&format!("measurements.{name}")))
-    });
-    let measurements = measurements.collect::<Result<Vec<_>>>()?;
+    let ends = Ends::resolve(&file.ends, &names).map_err(|error| error.during("ends"))?;
+    let measurements = measurement::resolve(&file.measurements, &names, &model, &ends)?;
+    let true_return = file.true_return.as_ref().map(|of| column(&of.measurement, &names)).transpose();
+    let true_return = true_return.map_err(|error| error.during("return"))?;
     let control_step_secs = model.timestep_secs() * f64::from(file.frame_skip.get());
     let terms = file.reward.iter().map(|term| Term::resolve(term, &names, control_step_secs));
     let terms = terms.collect::<Result<Vec<_>>>().map_err(|error| error.during("reward"))?;
@@ -237,7 +252,7 @@ fn resolve(file: &TaskFile, model: Model) -> Result<Blueprint> {
     let specification = Specification {
         name: file.name.clone(),
         observation_size: observation.iter().map(Reading::width).sum(),
-        observation_parts: observation::names(&file.observation, &model)?,
+        observation_parts: parts,
         action_size: controls.len(),
         control_ranges,
         measurements: names,
@@ -252,7 +267,10 @@ fn resolve(file: &TaskFile, model: Model) -> Result<Blueprint> {
         model,
         frame_skip: file.frame_skip.get(),
         observation,
+        measuring_order: measurement::order(&measurements),
         measurements,
+        ends,
+        true_return,
         controls,
         terms,
         success,

@@ -4,43 +4,68 @@ use std::ops::Range;
 
 use demosift::{Error, Result};
 
+use crate::interval::Interval;
 use crate::measurement::{Data, position, velocity};
 use crate::model::{Joint, Kind, Model, Point};
-use crate::task_file::{Names, ObservationPart};
+use crate::slice::{Slice, Sliced, sliced};
+use crate::task_file::{Names, ObservationPart, PartOf};
 
 /// One part of an observation, its names looked up.
-#[derive(Debug, PartialEq)]
-pub(crate) enum Reading {
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Reading {
+    pub(crate) what: What,
+    /// What its numbers are clipped to.
+    pub(crate) clip: Option<Interval>,
+}
+
+/// What a part is of; the range of a place or body says which of its numbers are seen.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum What {
+    /// Addresses in qpos.
     Qpos(Range<usize>),
+    /// Addresses in qvel.
     Qvel(Range<usize>),
-    Position(Point),
-    Velocity(Point),
+    Position(Point, Range<usize>),
+    Velocity(Point, Range<usize>),
     /// Of a body.
-    ContactWrench(usize),
+    ContactWrench(usize, Range<usize>),
     Phase,
+}
+
+/// An observation: what is read, and what it is called.
+pub(crate) struct Observed {
+    pub(crate) readings: Vec<Reading>,
+    /// Names such as `qpos knee` or `qvel root[:2] clipped to [-10, 10]`, each with how many numbers it has, in order.
+    pub(crate) parts: Vec<(String, usize)>,
 }
 
 impl Reading {
     /// How many numbers it writes.
     pub(crate) fn width(&self) -> usize {
-        match self {
-            Self::Qpos(range) | Self::Qvel(range) => range.len(),
-            Self::Position(_) | Self::Velocity(_) => 3,
-            Self::ContactWrench(_) => 6,
-            Self::Phase => 1,
+        match &self.what {
+            What::Qpos(range)
+            | What::Qvel(range)
+            | What::Position(_, range)
+            | What::Velocity(_, range)
+            | What::ContactWrench(_, range) => range.len(),
+            What::Phase => 1,
         }
     }
 
     /// Its key in the task file.
     pub(crate) fn key(&self) -> &'static str {
-        match self {
-            Self::Qpos(_) => "qpos",
-            Self::Qvel(_) => "qvel",
-            Self::Position(_) => "position",
-            Self::Velocity(_) => "velocity",
-            Self::ContactWrench(_) => "contact_wrench",
-            Self::Phase => "phase",
+        match self.what {
+            What::Qpos(_) => "qpos",
+            What::Qvel(_) => "qvel",
+            What::Position(..) => "position",
+            What::Velocity(..) => "velocity",
+            What::ContactWrench(..) => "contact_wrench",
+            What::Phase => "phase",
         }
+    }
+
+    pub(crate) fn is_contact_wrench(&self) -> bool {
+        matches!(self.what, What::ContactWrench(..))
     }
 
     /// What each of its numbers is, such as `qpos elbow` or `position hand x`.
@@ -49,33 +74,39 @@ impl Reading {
         let of = |name: String, numbers: &[&str]| {
             numbers.iter().map(|number| format!("{key} {name} {number}")).collect()
         };
-        match self {
-            Self::Qpos(range) => {
-                let joints = model.joints().into_iter().filter(|joint| range.contains(&joint.qpos.start));
-                joints.flat_map(|joint| joint.columns_of_qpos()).collect()
+        match &self.what {
+            What::Qpos(range) => {
+                let all = model.joints().into_iter().flat_map(|joint| joint.columns_of_qpos());
+                all.skip(range.start).take(range.len()).collect()
             }
-            Self::Qvel(range) => {
-                let joints = model.joints().into_iter().filter(|joint| range.contains(&joint.qvel.start));
-                joints.flat_map(|joint| joint.columns_of_qvel()).collect()
+            What::Qvel(range) => {
+                let all = model.joints().into_iter().flat_map(|joint| joint.columns_of_qvel());
+                all.skip(range.start).take(range.len()).collect()
             }
-            Self::Position(point) | Self::Velocity(point) => of(model.name_of(*point), &["x", "y", "z"]),
-            Self::ContactWrench(body) => {
+            What::Position(point, range) | What::Velocity(point, range) => {
+                of(model.name_of(*point), &["x", "y", "z"][range.clone()])
+            }
+            What::ContactWrench(body, range) => {
                 let numbers = ["torque x", "torque y", "torque z", "force x", "force y", "force z"];
-                of(model.name_of(Point::Body(*body)), &numbers)
+                of(model.name_of(Point::Body(*body)), &numbers[range.clone()])
             }
-            Self::Phase => vec![key.to_owned()],
+            What::Phase => vec![key.to_owned()],
         }
     }
 
     /// Writes its numbers; `phase` is the share of the episode that has passed.
     pub(crate) fn write(&self, data: &Data, phase: f64, out: &mut [f32]) {
-        match self {
-            Self::Qpos(range) => copy(&data.qpos()[range.clone()], out),
-            Self::Qvel(range) => copy(&data.qvel()[range.clone()], out),
-            Self::Position(point) => copy(&position(data, *point), out),
-            Self::Velocity(point) => copy(&velocity(data, *point), out),
-            Self::ContactWrench(body) => copy(&data.cfrc_ext()[*body], out),
-            Self::Phase => out[0] = phase as f32,
+        let clip = self.clip.unwrap_or(Interval::EVERYTHING);
+        let mut copy = |from: &[f64]| {
+            out.iter_mut().zip(from).for_each(|(to, from)| *to = clip.clip(*from) as f32);
+        };
+        match &self.what {
+            What::Qpos(range) => copy(&data.qpos()[range.clone()]),
+            What::Qvel(range) => copy(&data.qvel()[range.clone()]),
+            What::Position(point, range) => copy(&position(data, *point)[range.clone()]),
+            What::Velocity(point, range) => copy(&velocity(data, *point)[range.clone()]),
+            What::ContactWrench(body, range) => copy(&data.cfrc_ext()[*body][range.clone()]),
+            What::Phase => copy(&[phase]),
         }
     }
 }
@@ -83,98 +114,140 @@ impl Reading {
 /// Looks up the parts of an observation, in their order.
 ///
 /// # Errors
-/// If the model has no such thing (lists what it has), or nothing is observed.
-pub(crate) fn resolve(parts: &[ObservationPart], model: &Model) -> Result<Vec<Reading>> {
-    let mut readings = Vec::new();
+/// If the model has no such thing (lists what it has), a slice or a range to clip to is none, or nothing is observed.
+pub(crate) fn resolve(parts: &[ObservationPart], model: &Model) -> Result<Observed> {
+    let mut observed = Observed { readings: Vec::new(), parts: Vec::new() };
     for part in parts {
-        match part {
-            ObservationPart::Qpos(names) => {
-                let joints = joints(names, model).map_err(|error| error.during("qpos"))?;
-                joints.into_iter().for_each(|joint| add(&mut readings, Reading::Qpos(joint.qpos)));
-            }
-            ObservationPart::Qvel(names) => {
-                let joints = joints(names, model).map_err(|error| error.during("qvel"))?;
-                joints.into_iter().for_each(|joint| add(&mut readings, Reading::Qvel(joint.qvel)));
-            }
-            ObservationPart::Position(names) => {
-                for name in names {
-                    readings.push(Reading::Position(
-                        model.point(name).map_err(|error| error.during("position"))?,
-                    ));
-                }
-            }
-            ObservationPart::Velocity(names) => {
-                for name in names {
-                    readings.push(Reading::Velocity(
-                        model.point(name).map_err(|error| error.during("velocity"))?,
-                    ));
-                }
-            }
-            ObservationPart::ContactWrench(names) => {
-                for name in names {
-                    let body = model.id(Kind::Body, name).map_err(|error| error.during("contact_wrench"))?;
-                    readings.push(Reading::ContactWrench(body));
-                }
-            }
-            ObservationPart::Phase => readings.push(Reading::Phase),
+        let clip = part.clip.map(Interval::resolve).transpose().map_err(|error| error.during("clip"))?;
+        let clipped = clip.map_or(String::new(), |clip| format!(" clipped to {}", clip.words()));
+        for Named { name, what } in look_up(&part.what, model)? {
+            let reading = Reading { what, clip };
+            observed.parts.push((format!("{name}{clipped}"), reading.width()));
+            add(&mut observed.readings, reading);
         }
     }
-    if readings.is_empty() {
+    if observed.readings.is_empty() {
         return Err(Error::bad_config(
             "an agent must see something; parts are: qpos, qvel, position, velocity, contact_wrench, phase",
         ));
     }
-    Ok(readings)
+    Ok(observed)
 }
 
-/// What is observed, by name, such as `qpos knee`, each with how many numbers it has, in the order of the parts.
-///
-/// # Errors
-/// As [`resolve`].
-pub(crate) fn names(parts: &[ObservationPart], model: &Model) -> Result<Vec<(String, usize)>> {
-    let mut named = Vec::new();
-    let each = |names: &[String], what: &str, width| {
-        names.iter().map(|name| (format!("{what} {name}"), width)).collect::<Vec<_>>()
-    };
-    for part in parts {
-        match part {
-            ObservationPart::Qpos(names) => {
-                let joints = joints(names, model)?.into_iter();
-                named.extend(joints.map(|joint| (format!("qpos {}", joint.name), joint.qpos.len())));
+/// What is seen of one thing, and how the task file calls it, such as `qpos knee`.
+struct Named {
+    name: String,
+    what: What,
+}
+
+fn look_up(part: &PartOf, model: &Model) -> Result<Vec<Named>> {
+    match part {
+        PartOf::Qpos(names) => of_joints(names, model, "qpos", |joint| joint.qpos.clone(), What::Qpos),
+        PartOf::Qvel(names) => of_joints(names, model, "qvel", |joint| joint.qvel.clone(), What::Qvel),
+        PartOf::Position(names) => of_each(names, "position", 3, |name| model.point(name), What::Position),
+        PartOf::Velocity(names) => of_each(names, "velocity", 3, |name| model.point(name), What::Velocity),
+        PartOf::ContactWrench(names) => {
+            let body = |name: &str| model.id(Kind::Body, name);
+            of_each(names, "contact_wrench", 6, body, What::ContactWrench)
+        }
+        PartOf::Phase => Ok(vec![Named { name: "phase".to_owned(), what: What::Phase }]),
+    }
+}
+
+/// Things that have `width` numbers each.
+fn of_each<T>(
+    names: &[String],
+    key: &str,
+    width: usize,
+    find: impl Fn(&str) -> Result<T>,
+    make: fn(T, Range<usize>) -> What,
+) -> Result<Vec<Named>> {
+    let each = names.iter().map(|name| {
+        let Sliced { of, slice } = sliced(name, &find)?;
+        let range = slice.of(width).map_err(|error| error.during(name))?;
+        Ok(Named { name: format!("{key} {name}"), what: make(of, range) })
+    });
+    each.collect::<Result<_>>().map_err(|error: Error| error.during(key))
+}
+
+/// The numbers of joints, each joint's as one part.
+fn of_joints(
+    names: &Names,
+    model: &Model,
+    key: &str,
+    addresses: fn(&Joint) -> Range<usize>,
+    make: fn(Range<usize>) -> What,
+) -> Result<Vec<Named>> {
+    let mut found = Vec::new();
+    for Sliced { of: Called { name, joints }, slice } in
+        called(names, model).map_err(|error| error.during(key))?
+    {
+        let width = joints.iter().map(|joint| addresses(joint).len()).sum();
+        if width == 0 {
+            continue;
+        }
+        let taken = slice.of(width).map_err(|error| error.during(&name).during(key))?;
+        let mut first = 0;
+        for joint in &joints {
+            let all = addresses(joint);
+            let of_joint = first..first + all.len();
+            first = of_joint.end;
+            let (from, to) = (taken.start.max(of_joint.start), taken.end.min(of_joint.end));
+            if from >= to {
+                continue;
             }
-            ObservationPart::Qvel(names) => {
-                let joints = joints(names, model)?.into_iter();
-                named.extend(joints.map(|joint| (format!("qvel {}", joint.name), joint.qvel.len())));
-            }
-            ObservationPart::Position(names) => named.extend(each(names, "position", 3)),
-            ObservationPart::Velocity(names) => named.extend(each(names, "velocity", 3)),
-            ObservationPart::ContactWrench(names) => named.extend(each(names, "contact_wrench", 6)),
-            ObservationPart::Phase => named.push(("phase".to_owned(), 1)),
+            let range = all.start + from - of_joint.start..all.start + to - of_joint.start;
+            let part = if range == all {
+                String::new()
+            } else {
+                format!("[{}:{}]", range.start - all.start, range.end - all.start)
+            };
+            found.push(Named { name: format!("{key} {}{part}", joint.name), what: make(range) });
         }
     }
-    Ok(named)
+    Ok(found)
 }
 
-/// Appends a reading, joined to the one before where the two are neighbors in the state.
-fn add(readings: &mut Vec<Reading>, reading: Reading) {
-    match (readings.last_mut(), &reading) {
-        (Some(Reading::Qpos(last)), Reading::Qpos(next)) if last.end == next.start => last.end = next.end,
-        (Some(Reading::Qvel(last)), Reading::Qvel(next)) if last.end == next.start => last.end = next.end,
-        _ => readings.push(reading),
-    }
+/// The joints that a name in the task file means.
+struct Called {
+    name: String,
+    joints: Vec<Joint>,
 }
 
-fn joints(names: &Names, model: &Model) -> Result<Vec<Joint>> {
+fn called(names: &Names, model: &Model) -> Result<Vec<Sliced<Called>>> {
+    let whole =
+        |name: &str, joints| Sliced { of: Called { name: name.to_owned(), joints }, slice: Slice::WHOLE };
     match names {
-        Names::All => Ok(model.joints()),
-        Names::Only(names) => names.iter().map(|name| model.joint(name)).collect(),
+        Names::All => Ok(vec![whole("all", model.joints())]),
+        Names::Only(names) => {
+            let one = |name: &str| match name {
+                "all" => Ok(model.joints()),
+                name => Ok(vec![model.joint(name)?]),
+            };
+            let each = names.iter().map(|name| {
+                let Sliced { of: joints, slice } = sliced(name, one)?;
+                Ok(Sliced { of: Called { name: name.clone(), joints }, slice })
+            });
+            each.collect()
+        }
         Names::Except(names) => {
             names.iter().try_for_each(|name| model.joint(name).map(drop))?;
-            Ok(model.joints().into_iter().filter(|joint| !names.contains(&joint.name)).collect())
+            let others = model.joints().into_iter().filter(|joint| !names.contains(&joint.name));
+            Ok(vec![whole("except", others.collect())])
         }
     }
 }
 
-fn copy(from: &[f64], to: &mut [f32]) {
-    to.iter_mut().zip(from).for_each(|(to, from)| *to = *from as f32);
+/// Appends a reading, joined to the one before where the two are neighbors in the state and clipped alike.
+fn add(readings: &mut Vec<Reading>, reading: Reading) {
+    if let Some(before) = readings.last_mut()
+        && before.clip == reading.clip
+        && let (What::Qpos(last), What::Qpos(next)) | (What::Qvel(last), What::Qvel(next)) =
+            (&mut before.what, &reading.what)
+        && last.end == next.start
+    {
+        last.end = next.end;
+        return;
+    }
+    readings.push(reading);
 }

@@ -54,6 +54,12 @@ const BUILT_IN: &[BuiltIn] = &[
         shaping: None,
     },
     BuiltIn {
+        name: "walker2d",
+        task_file: include_str!("../../../tasks/walker2d/task.toml"),
+        models: &[("walker2d.xml", include_str!("../../../tasks/walker2d/walker2d.xml"))],
+        shaping: None,
+    },
+    BuiltIn {
         name: "penalty_save",
         task_file: include_str!("../../../tasks/penalty_save/task.toml"),
         models: &[("penalty_save.xml", include_str!("../../../tasks/penalty_save/penalty_save.xml"))],

@@ -53,11 +53,34 @@ impl<'a> Replay<'a> {
     /// # Panics
     /// If there is no such step: a bug of the caller.
     pub fn at(&mut self, step: usize) -> Result<&mut MujocoEnvironment> {
-        let (nq, nv) = (self.environment.qpos().len(), self.environment.qvel().len());
-        let qpos = &self.states.qpos[step * nq..(step + 1) * nq];
-        let qvel = &self.states.qvel[step * nv..(step + 1) * nv];
-        self.environment.set_state(qpos, qvel).map_err(|error| error.during(&format!("step {step}")))?;
-        Ok(&mut self.environment)
+        let Self { environment, states, .. } = self;
+        let State { qpos, qvel } = State::of(states, step, environment);
+        environment.set_state(qpos, qvel).map_err(|error| error.during(&format!("step {step}")))?;
+        Ok(environment)
+    }
+
+    /// The environment in the state of a step, to which the action led from the state before.
+    fn go_on_to(&mut self, step: usize, action: &[f32]) -> Result<&mut MujocoEnvironment> {
+        let Self { environment, states, .. } = self;
+        let State { qpos, qvel } = State::of(states, step, environment);
+        environment.go_on_to(qpos, qvel, action).map_err(|error| error.during(&format!("step {step}")))?;
+        Ok(environment)
+    }
+}
+
+/// The state of one step.
+struct State<'a> {
+    qpos: &'a [f64],
+    qvel: &'a [f64],
+}
+
+impl<'a> State<'a> {
+    fn of(states: &'a StateLog, step: usize, environment: &MujocoEnvironment) -> Self {
+        let (nq, nv) = (environment.qpos().len(), environment.qvel().len());
+        Self {
+            qpos: &states.qpos[step * nq..(step + 1) * nq],
+            qvel: &states.qvel[step * nv..(step + 1) * nv],
+        }
     }
 }
 
@@ -83,7 +106,11 @@ pub fn measurements(task: &MujocoTask, states: &StateLog, actions: &Rows) -> Res
     let mut now = vec![0.0; specification.measurements.len()];
     let mut rows = Rows::with_capacity(now.len(), actions.len() + 1);
     for step in 0..replay.steps() {
-        replay.at(step)?.observe(&mut observation, &mut now);
+        let environment = match step.checked_sub(1) {
+            None => replay.at(step)?,
+            Some(before) => replay.go_on_to(step, actions.row(before))?,
+        };
+        environment.observe(&mut observation, &mut now);
         rows.push(&now);
     }
     replay.environment.step(actions.row(actions.len() - 1), &mut observation, &mut now);

@@ -34,6 +34,12 @@ pub(crate) struct TaskFile {
     pub(crate) reset: Reset,
     /// What is written down at every step, by name; the columns are in alphabetical order.
     pub(crate) measurements: BTreeMap<String, Measurement>,
+    /// Ranges of measurements, `[low, high]` by name; an episode ends with the step that leads out of one.
+    #[serde(default)]
+    pub(crate) ends: BTreeMap<String, [f64; 2]>,
+    /// What others would report of an episode.
+    #[serde(rename = "return")]
+    pub(crate) true_return: Option<Return>,
     /// How good an episode was.
     pub(crate) heuristic: FoldOf,
     /// Whether an episode reached the goal.
@@ -58,7 +64,7 @@ fn in_words(said: &str) -> String {
         ("a nonzero usize", "a whole number of at least 1"),
         (
             "unit variant, expected newtype variant",
-            "this word alone says too little, expected such as { qpos = \"all\" }",
+            "this word alone says too little, expected such as { qpos = \"slider\" }",
         ),
         ("unknown variant", "unknown word"),
         ("unknown field", "unknown key"),
@@ -66,6 +72,10 @@ fn in_words(said: &str) -> String {
         ("TOML parse error", "the task file is wrong"),
     ] {
         words = words.replace(theirs, ours);
+    }
+    if let Some(word) = ["effort", "alive"].into_iter().find(|word| words.contains(&format!("{{ {word} = ")))
+    {
+        return format!("{words}; `{word}` stands alone, as in name = \"{word}\"");
     }
     let Some(at) = words.find("unknown word `").or_else(|| words.find("unknown key `")) else { return words };
     let mut names = words[at..].split('`').skip(1).step_by(2);
@@ -77,10 +87,16 @@ fn in_words(said: &str) -> String {
     }
 }
 
-/// One part of an observation.
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum ObservationPart {
+/// One part of an observation: what is seen, and the range that its numbers are clipped to.
+#[derive(Debug)]
+pub(crate) struct ObservationPart {
+    pub(crate) what: PartOf,
+    pub(crate) clip: Option<[f64; 2]>,
+}
+
+/// What a part of an observation is of; a slice such as `[2:]` behind a name takes some of its numbers.
+#[derive(Debug)]
+pub(crate) enum PartOf {
     /// Positions of joints.
     Qpos(Names),
     /// Velocities of joints.
@@ -93,6 +109,66 @@ pub(crate) enum ObservationPart {
     ContactWrench(Vec<String>),
     /// The share of the episode that has passed; 1 number.
     Phase,
+}
+
+/// The keys of a part that is written as a table.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PartTable {
+    qpos: Option<Names>,
+    qvel: Option<Names>,
+    position: Option<Vec<String>>,
+    velocity: Option<Vec<String>>,
+    contact_wrench: Option<Vec<String>>,
+    clip: Option<[f64; 2]>,
+}
+
+/// The words that a part may have.
+const PARTS: &[&str] = &["qpos", "qvel", "position", "velocity", "contact_wrench", "phase"];
+
+impl<'de> Deserialize<'de> for ObservationPart {
+    fn deserialize<D: serde::Deserializer<'de>>(input: D) -> std::result::Result<Self, D::Error> {
+        struct Reader;
+
+        impl<'de> Visitor<'de> for Reader {
+            type Value = ObservationPart;
+
+            fn expecting(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+                out.write_str("a part of an observation, such as { qpos = \"all\" } or \"phase\"")
+            }
+
+            fn visit_str<E: serde::de::Error>(self, word: &str) -> std::result::Result<ObservationPart, E> {
+                match word {
+                    "phase" => Ok(ObservationPart { what: PartOf::Phase, clip: None }),
+                    known if PARTS.contains(&known) => {
+                        Err(E::custom("this word alone says too little, expected such as { qpos = \"all\" }"))
+                    }
+                    other => Err(E::unknown_variant(other, PARTS)),
+                }
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> std::result::Result<ObservationPart, A::Error> {
+                let table = PartTable::deserialize(value::MapAccessDeserializer::new(map))?;
+                let PartTable { qpos, qvel, position, velocity, contact_wrench, clip } = table;
+                let given = [
+                    qpos.map(PartOf::Qpos),
+                    qvel.map(PartOf::Qvel),
+                    position.map(PartOf::Position),
+                    velocity.map(PartOf::Velocity),
+                    contact_wrench.map(PartOf::ContactWrench),
+                ];
+                let mut given = given.into_iter().flatten();
+                match (given.next(), given.next()) {
+                    (Some(what), None) => Ok(ObservationPart { what, clip }),
+                    _ => Err(serde::de::Error::custom(
+                        "a part has exactly one of: qpos, qvel, position, velocity, contact_wrench; and perhaps clip",
+                    )),
+                }
+            }
+        }
+
+        input.deserialize_any(Reader)
+    }
 }
 
 /// Which joints: `"all"`, a name, a list of names, or `{ except = [names] }`.
@@ -159,6 +235,21 @@ pub(crate) enum Measurement {
     Velocity(Component),
     /// 1 while two geoms (or any geoms of two bodies) touch, else 0.
     Contact([String; 2]),
+    /// What another measurement changed over the control step, a second; 0 after the reset.
+    RateOf(String),
+    /// ‖a‖² of the step's action, clipped to [−1, 1]; 0 after the reset.
+    Effort,
+    /// 1 while every range of `[ends]` holds, else 0.
+    Alive,
+    /// Other measurements, each times its weight, added up.
+    Sum(BTreeMap<String, f64>),
+}
+
+/// What others would report of an episode: a measurement, added up over its steps.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Return {
+    pub(crate) measurement: String,
 }
 
 /// One coordinate of a vector that belongs to a place.

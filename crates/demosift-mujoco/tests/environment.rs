@@ -276,3 +276,152 @@ fn a_success_that_holds_from_the_start_is_paid_in_the_first_step() {
     assert!(step() > 100.0);
     assert!(step() < 50.0);
 }
+
+/// The cart with a range to keep to, and what can be measured of its steps.
+fn ending(old: &str, new: &str) -> MujocoTask {
+    let text = TASK.replace("qpos_noise", "# qpos_noise").replace(
+        "[heuristic]",
+        "rush = { rate_of = \"x\" }\neffort = \"effort\"\nalive = \"alive\"\n\
+         worth = { sum = { alive = 2.0, rush = 1.0, effort = -0.5 } }\n[ends]\nx = [-1, 0.05]\nv = [-inf, 9]\n\
+         [return]\nmeasurement = \"worth\"\n[heuristic]",
+    );
+    cart(&text.replace(old, new))
+}
+
+/// Without force the cart goes 0.02 m a step and leaves 0.05 m in the third; each number by hand.
+#[test]
+fn the_step_that_leaves_a_range_is_the_last_one_and_what_it_measures_is_right() {
+    let task = ending("horizon = 4", "horizon = 40");
+    assert!(task.may_end_early() && !cart(TASK).may_end_early());
+    let (mut environment, mut buffers) = start(&task, 0);
+    let column = |name: &str| task.specification().measurement(name).unwrap();
+    let mut rows = Rows::with_capacity(14, 0);
+    rows.push(&buffers.measurements);
+    // 1 N is action 0; −1 N, which holds the speed at less than 1 m/s, and beyond the range.
+    let mut x = 0.0;
+    for (step, action, ends) in [(1, 0.0, false), (2, -1.0 / 3.0, false), (3, 5.0, true), (4, -5.0, true)] {
+        let outcome = environment.step(&[action], &mut buffers.observation, &mut buffers.measurements);
+        assert_eq!(outcome.terminated, ends, "step {step}");
+        rows.push(&buffers.measurements);
+        let rush = (environment.qpos()[0] - x) / 0.02;
+        x = environment.qpos()[0];
+        let effort = f64::from(action.clamp(-1.0, 1.0)).powi(2);
+        let alive = if ends { 0.0 } else { 1.0 };
+        let wanted = [
+            ("rush", rush),
+            ("effort", effort),
+            ("alive", alive),
+            ("worth", 2.0 * alive + rush - 0.5 * effort),
+        ];
+        for (name, wanted) in wanted {
+            let got = f64::from(buffers.measurements[column(name)]);
+            assert!((got - wanted).abs() < 1e-5, "step {step}: {name} {got} {wanted}");
+        }
+    }
+    // Nothing led to the first row, so it has no rate and no effort, and counts in no return.
+    assert_eq!(
+        ["rush", "effort", "alive", "worth"].map(|name| rows.row(0)[column(name)]),
+        [0.0, 0.0, 1.0, 2.0]
+    );
+    let whole = rows.head(4);
+    let sum: f64 = (1..4).map(|row| f64::from(whole.row(row)[column("worth")])).sum();
+    assert_eq!(task.true_return(&whole), Some(sum));
+    assert_eq!(cart(TASK).true_return(&whole), None);
+}
+
+#[test]
+fn an_infinite_end_never_ends_an_episode_and_a_finite_one_does() {
+    for (range, ends) in [
+        ("[-1, inf]", false),
+        ("[-inf, 0.5]", true),
+        ("[0.5, 2]", true),
+        ("[-1, 0.99]", true),
+        ("[-1, 1.001]", false),
+    ] {
+        let task = ending("v = [-inf, 9]", &format!("v = {range}"));
+        let (mut environment, mut buffers) = start(&task, 0);
+        environment.set_state(&[-0.5, 3.0, 4.0, 0.1, 1.0, 0.0, 0.0, 0.0], &[0.0; 7]).unwrap();
+        let mut state = environment.qvel().to_vec();
+        // 1/3 of the way from −2 N to 4 N is no force.
+        state[0] = if range == "[0.5, 2]" { 0.25 } else { 1.0 };
+        environment.set_state(&[-0.5, 3.0, 4.0, 0.1, 1.0, 0.0, 0.0, 0.0], &state).unwrap();
+        let outcome = environment.step(&[-1.0 / 3.0], &mut buffers.observation, &mut buffers.measurements);
+        assert_eq!(outcome.terminated, ends, "{range}: {}", environment.qvel()[0]);
+    }
+}
+
+#[test]
+fn a_success_that_may_be_undone_is_paid_at_an_early_end() {
+    let last = "fold = \"max\"\nof = \"x\"\nabove = 0.05";
+    let task = ending(last, "fold = \"last\"\nof = \"x\"\nabove = 0.05");
+    let free = ending(last, "fold = \"last\"\nof = \"x\"\nabove = 9.0");
+    let (mut with, mut buffers) = start(&task, 0);
+    let (mut without, _) = start(&free, 0);
+    for step in 1..=3 {
+        let mut reward = |environment: &mut MujocoEnvironment| {
+            environment.step(&[0.0], &mut buffers.observation, &mut buffers.measurements)
+        };
+        let (paid, unpaid) = (reward(&mut with), reward(&mut without));
+        assert_eq!(paid.terminated, step == 3);
+        let difference = paid.task_reward - unpaid.task_reward;
+        assert!((difference - if step == 3 { 100.0 } else { 0.0 }).abs() < 1e-4, "step {step}: {difference}");
+    }
+}
+
+/// Of a state whose numbers are all different, each slice is held against the numbers of MuJoCo's own state.
+#[test]
+fn slices_take_some_numbers_and_clips_cut_them_off() {
+    let observation = |parts: &str| {
+        let (from, to) = (TASK.find("observation = [").unwrap(), TASK.find("reward = [").unwrap());
+        let text = TASK.replace(&TASK[from..to], &format!("observation = [{parts}]\n"));
+        let task = cart(&text);
+        let (mut environment, mut buffers) = start(&task, 0);
+        environment
+            .set_state(&[0.5, 3.0, 4.0, 2.0, 0.5, 0.5, 0.5, 0.5], &[-20.0, 11.0, 12.0, -13.0, 4.0, 5.0, -6.0])
+            .unwrap();
+        environment.observe(&mut buffers.observation, &mut buffers.measurements);
+        let names: Vec<String> = task
+            .specification()
+            .observation_parts
+            .iter()
+            .map(|(name, width)| format!("{name}: {width}"))
+            .collect();
+        (buffers.observation, names.join(", "))
+    };
+    for (parts, wanted, names) in [
+        ("{ qpos = 'ball_root[2:]' }", &[2.0, 0.5, 0.5, 0.5, 0.5][..], "qpos ball_root[2:7]: 5"),
+        (
+            "{ qpos = ['slider', 'ball_root[:2]'] }",
+            &[0.5, 3.0, 4.0],
+            "qpos slider: 1, qpos ball_root[0:2]: 2",
+        ),
+        ("{ qpos = 'all[3:4]' }", &[2.0], "qpos ball_root[2:3]: 1"),
+        ("{ qvel = 'all[:2]' }", &[-20.0, 11.0], "qvel slider: 1, qvel ball_root[0:1]: 1"),
+        (
+            "{ position = ['leather[2:]', 'box[:1]'] }",
+            &[2.0, 0.5],
+            "position leather[2:]: 1, position box[:1]: 1",
+        ),
+        ("{ velocity = ['body:ball[1:3]'] }", &[12.0, -13.0], "velocity body:ball[1:3]: 2"),
+        (
+            "{ qvel = 'all', clip = [-10, 11.5] }",
+            &[-10.0, 11.0, 11.5, -10.0, 4.0, 5.0, -6.0],
+            "qvel slider clipped to [-10, 11.5]: 1, qvel ball_root clipped to [-10, 11.5]: 6",
+        ),
+        (
+            "{ qvel = 'slider', clip = [-10, inf] }, { qvel = 'ball_root[:1]' }",
+            &[-10.0, 11.0],
+            "qvel slider clipped to [-10, inf]: 1, qvel ball_root[0:1]: 1",
+        ),
+        (
+            "{ position = ['leather'], clip = [-1, 3.5] }",
+            &[3.0, 3.5, 2.0],
+            "position leather clipped to [-1, 3.5]: 3",
+        ),
+    ] {
+        let (seen, called) = observation(parts);
+        assert_eq!((seen.as_slice(), called.as_str()), (wanted, names), "{parts}");
+    }
+    // A wrench takes 6 numbers; here the forces of the ball that nothing touches.
+    assert_eq!(observation("{ contact_wrench = ['ball[3:]'] }").0, [0.0; 3]);
+}

@@ -23,19 +23,37 @@ fn two_hundred_steps_agree_with_gymnasium_to_the_last_bit() {
     let task = registry::load("half_cheetah").unwrap();
     let mut environment = task.mujoco_environment().unwrap();
     environment.set_state(&numbers(&reference["qpos"]), &numbers(&reference["qvel"])).unwrap();
-    let (mut observation, mut measurements) = ([0.0; 17], [0.0; 1]);
+    let (mut observation, mut measurements) = ([0.0; 17], [0.0; 4]);
     let steps = reference["steps"].as_array().unwrap();
     assert_eq!(steps.len(), 200);
+    let (mut before, mut within) = (numbers(&reference["qpos"])[0], 0);
     for (at, step) in steps.iter().enumerate() {
         let action = to_f32(&numbers(&step["action"]));
         let outcome = environment.step(&action, &mut observation, &mut measurements);
         assert_eq!(environment.qpos(), numbers(&step["qpos"]), "qpos at step {at}");
         assert_eq!(environment.qvel(), numbers(&step["qvel"]), "qvel at step {at}");
         assert_eq!(&observation[..], to_f32(&numbers(&step["observation"])), "observation at step {at}");
-        assert_eq!(measurements[0], numbers(&step["qpos"])[0] as f32, "x at step {at}");
+        let [effort, reward, speed, x] = measurements;
+        assert_eq!(x, numbers(&step["qpos"])[0] as f32, "x at step {at}");
+        let squares = action.iter().map(|a| f64::from(a.clamp(-1.0, 1.0)).powi(2));
+        assert!((f64::from(effort) - squares.sum::<f64>()).abs() < 1e-6, "effort at step {at}");
+        assert!(
+            (f64::from(speed) - (numbers(&step["qpos"])[0] - before) / 0.05).abs() < 1e-6,
+            "speed at step {at}"
+        );
+        before = numbers(&step["qpos"])[0];
+        // Gymnasium counts actions as given, and the measurement as clipped; four of five are within the range.
+        if action.iter().all(|value| value.abs() <= 1.0) {
+            assert!(
+                (f64::from(reward) - step["reward"].as_f64().unwrap()).abs() < 1e-6,
+                "reward at step {at}"
+            );
+            within += 1;
+        }
         assert_eq!(outcome.task_reward, step["reward"].as_f64().unwrap() as f32, "reward at step {at}");
         assert!(!outcome.terminated);
     }
+    assert!(within >= 160, "{within}");
 }
 
 #[test]
@@ -43,10 +61,15 @@ fn sizes_and_heuristic_are_as_declared() {
     let task = registry::load("half_cheetah").unwrap();
     let specification = task.specification();
     assert_eq!((specification.observation_size, specification.action_size), (17, 6));
-    assert_eq!((specification.horizon, specification.measurements.join(" ").as_str()), (1000, "x"));
+    assert_eq!(
+        (specification.horizon, specification.measurements.join(" ").as_str()),
+        (1000, "effort reward speed x")
+    );
     assert_eq!(specification.control_step_secs, 0.05);
     assert_eq!(specification.variants, ["default"]);
-    let rows = Rows::from_flat(vec![1.0, 7.0, 3.5], 1).unwrap();
+    let rows = [[9.0, 9.0, 9.0, 1.0], [0.5, 0.25, 0.0, 7.0], [0.5, -1.0, 0.0, 3.5]].concat();
+    let rows = Rows::from_flat(rows, 4).unwrap();
+    assert_eq!(task.true_return(&rows), Some(-0.75), "of the steps, not of the reset");
     assert_eq!((task.heuristic().score(&rows), task.heuristic().unit()), (2.5, "m"));
     assert_eq!(task.succeeded(&rows), None);
 }
@@ -58,7 +81,7 @@ fn reset_noise_is_that_of_gymnasium() {
     let mut environment = task.mujoco_environment().unwrap();
     let (mut positions, mut velocities) = (Vec::new(), Vec::new());
     for episode in 0..2000 {
-        environment.reset(EnvVariant(0), Seed::new(3).at(episode), &mut [0.0; 17], &mut [0.0; 1]);
+        environment.reset(EnvVariant(0), Seed::new(3).at(episode), &mut [0.0; 17], &mut [0.0; 4]);
         positions.extend_from_slice(environment.qpos());
         velocities.extend_from_slice(environment.qvel());
     }
@@ -93,7 +116,7 @@ fn recorded_episodes_replay_up_to_the_differences_of_the_old_engine() {
             let qpos: Vec<f64> = [0.0].into_iter().chain(now[..8].iter().copied()).collect();
             environment.set_state(&qpos, &now[8..]).unwrap();
             let mut observation = [0.0; 17];
-            environment.step(&to_f32(&actions[row * 6..row * 6 + 6]), &mut observation, &mut [0.0; 1]);
+            environment.step(&to_f32(&actions[row * 6..row * 6 + 6]), &mut observation, &mut [0.0; 4]);
             let off: Vec<f64> =
                 observation.iter().zip(next).map(|(a, b)| (f64::from(*a) - b).abs()).collect();
             positions.push(off[..8].iter().copied().fold(0.0, f64::max));

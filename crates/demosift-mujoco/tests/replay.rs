@@ -117,6 +117,37 @@ fn the_distance_of_the_public_half_cheetah_episodes_agrees_with_their_true_retur
     assert!(agreement > 0.95, "{agreement}");
 }
 
+/// The same of the public Walker2d set, whose file holds each episode's true return: 1 a step, the distance, and little effort.
+/// The clipped velocities do not enter it, nor does what Gym charged for actions beyond the range.
+#[test]
+fn the_true_returns_of_the_public_walker2d_episodes_are_those_of_their_file() {
+    let path = in_repository("../shared/data/walker2d_noisy/walker2d_noisy.hdf5");
+    let Ok(file) = hdf5_pure::File::open(&path) else {
+        return eprintln!("skipped: the public Walker2d set is not there");
+    };
+    let task = registry::load("walker2d").unwrap();
+    let secs = task.specification().control_step_secs;
+    let rewards = file.dataset("rewards").unwrap().read_f64().unwrap();
+    let mut first = 0;
+    for (id, demonstration) in d4rl::read(&path).unwrap().iter() {
+        let mut states = StateLog::default();
+        let mut x = 0.0;
+        for row in demonstration.observations().iter() {
+            states.qpos.push(x);
+            states.qpos.extend(row[..8].iter().map(|value| f64::from(*value)));
+            states.qvel.extend(row[8..].iter().map(|value| f64::from(*value)));
+            x += secs * f64::from(row[8]);
+        }
+        let rows = replay::measurements(&task, &states, demonstration.actions()).unwrap();
+        let steps = demonstration.steps();
+        let wanted: f64 = rewards[first..first + steps].iter().sum();
+        first += steps;
+        let found = task.true_return(&rows).unwrap();
+        eprintln!("episode {id}: {found:.0}, true return {wanted:.0}");
+        assert!((found - wanted).abs() < 0.02 * wanted + 5.0, "episode {id}: {found} {wanted}");
+    }
+}
+
 #[test]
 fn states_and_actions_of_another_task_are_refused() {
     let cheetah = registry::load("half_cheetah").unwrap();
@@ -139,5 +170,5 @@ fn states_and_actions_of_another_task_are_refused() {
     let mut unstable = states.clone();
     unstable.qvel[9 * 999 + 2] = 1e300;
     let error = replay::measurements(&cheetah, &unstable, &actions).map(drop).unwrap_err();
-    assert!(error.is_bad_input() && error.to_string().contains("at step 1000: 'x' is NaN"), "{error}");
+    assert!(error.is_bad_input() && error.to_string().contains("at step 1000: 'effort' is NaN"), "{error}");
 }

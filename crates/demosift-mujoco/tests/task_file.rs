@@ -75,7 +75,7 @@ fn each_mistake_is_named_with_what_would_have_been_right() {
             r#"qpos = 3"#,
             &["invalid type: integer `3`", "a joint's name, a list of names", "qpos = 3"],
         ),
-        (r#"qpos = "all""#, r#"angle = "all""#, &["unknown word `angle`", "`qpos`", "`contact_wrench`"]),
+        (r#"qpos = "all""#, r#"angle = "all""#, &["unknown key `angle`", "`qpos`", "`contact_wrench`"]),
         (r#"of = "x""#, r#"of = "y""#, &["heuristic: of: no measurement is called 'y'", "has: x"]),
         (r#"of = "x""#, "of = 1", &["the name of a measurement, or a list of names"]),
         (r#"fold = "max""#, r#"fold = "best""#, &["unknown word `best`", "`last_minus_first`"]),
@@ -158,6 +158,93 @@ fn each_mistake_is_named_with_what_would_have_been_right() {
             "[[variant]]\nname='a'\nqvel = { c = 1 }\n[heuristic]",
             &["variant 'a': qvel: no joint is called 'c'"],
         ),
+        (r#""phase""#, r#""fase""#, &["unknown word `fase`", "did you mean `phase`?"]),
+        (
+            r#"qpos = "all""#,
+            r#"qpos = "all", qvel = "all""#,
+            &["a part has exactly one of: qpos, qvel, position"],
+        ),
+        (r#"qpos = "all""#, "clip = [-1, 1]", &["a part has exactly one of: qpos, qvel, position"]),
+        (
+            r#"qpos = "all""#,
+            r#"qpos = "all", clip = [1, -1]"#,
+            &["observation: clip: [1, -1]: nothing lies between its ends"],
+        ),
+        (
+            r#"qpos = "all""#,
+            r#"qpos = "all", clip = [-inf, inf]"#,
+            &["observation: clip: [-inf, inf]: every number lies in it"],
+        ),
+        (
+            r#"qpos = "all""#,
+            r#"qpos = "all", clip = [nan, 1]"#,
+            &["clip: [NaN, 1]: its ends must be numbers"],
+        ),
+        (r#"qpos = "all""#, r#"qpos = "all", clip = 1"#, &["invalid type: integer `1`", "array of length 2"]),
+        (
+            r#"qpos = "all""#,
+            r#"qpos = "ball[2]""#,
+            &["observation: qpos: 'ball[2]': a slice is [from:to], such as ball[2:] or ball[:3]"],
+        ),
+        (
+            r#"qpos = "all""#,
+            r#"qpos = "ball[2:8]""#,
+            &["observation: qpos: ball[2:8]: there are 7 numbers, so a slice takes at least one of [0:7]"],
+        ),
+        (r#"qpos = "all""#, r#"qpos = "bal[2:]""#, &["no joint is called 'bal'; did you mean 'ball'?"]),
+        (
+            r#"qpos = "all""#,
+            r#"position = ["leather[3:]"]"#,
+            &["observation: position: leather[3:]: there are 3 numbers"],
+        ),
+        ("[heuristic]", "[ends]\nz = [0, 1]\n[heuristic]", &["ends: no measurement is called 'z'", "has: x"]),
+        (
+            "[heuristic]",
+            "[ends]\nx = [1, 0]\n[heuristic]",
+            &["ends: x: [1, 0]: nothing lies between its ends"],
+        ),
+        (
+            "[heuristic]",
+            "[ends]\nx = [nan, 0]\n[heuristic]",
+            &["ends: x: [NaN, 0]: its ends must be numbers"],
+        ),
+        ("[heuristic]", "[ends]\nx = [0]\n[heuristic]", &["array of length 2"]),
+        ("[heuristic]", "y = 'alive'\n[heuristic]", &["measurements.y: `alive` says whether", "add [ends]"]),
+        (
+            "[heuristic]",
+            "y = { sum = { x = 1 } }\n[ends]\ny = [0, 1]\n[heuristic]",
+            &["ends: 'y' is made of other measurements"],
+        ),
+        ("[heuristic]", "y = { rate_of = 'z' }\n[heuristic]", &["measurements.y: rate_of: no measurement"]),
+        (
+            "[heuristic]",
+            "y = { rate_of = 'y' }\n[heuristic]",
+            &["measurements.y: rate_of: 'y' is itself made of other measurements"],
+        ),
+        ("[heuristic]", "y = { sum = {} }\n[heuristic]", &["measurements.y: sum: empty"]),
+        ("[heuristic]", "y = { sum = { z = 1 } }\n[heuristic]", &["measurements.y: sum: no measurement"]),
+        (
+            "[heuristic]",
+            "y = { sum = { x = inf } }\n[heuristic]",
+            &["weight of 'x' is inf, and must be finite"],
+        ),
+        (
+            "[heuristic]",
+            "y = { sum = { y = 1 } }\n[heuristic]",
+            &["measurements.y: sum: 'y' is itself a sum; name what it is made of"],
+        ),
+        (
+            "[heuristic]",
+            "y = { effort = 1 }\n[heuristic]",
+            &["`effort` stands alone, as in name = \"effort\""],
+        ),
+        ("[heuristic]", "y = 'qpos'\n[heuristic]", &["this word alone says too little", "slider"]),
+        (
+            "[heuristic]",
+            "[return]\nmeasurement = 'reward'\n[heuristic]",
+            &["return: no measurement is called 'reward'", "has: x"],
+        ),
+        ("[heuristic]", "[return]\nof = 'x'\n[heuristic]", &["unknown key `of`", "`measurement`"]),
         ("cart.xml", "card.xml", &["no model file is called 'card.xml'", "cart.xml"]),
     ] {
         let message = error_of(old, new);
@@ -165,6 +252,30 @@ fn each_mistake_is_named_with_what_would_have_been_right() {
             assert!(message.contains(part), "{new}\nwanted: {part}\ngot: {message}");
         }
     }
+}
+
+/// What has no name is called by its kind and number, and so it is listed.
+#[test]
+fn a_part_without_a_name_can_be_named_as_it_is_listed() {
+    let nameless = MODEL
+        .replace("<body name=\"ball\" pos", "<body pos")
+        .replace("<freejoint name=\"ball\"/>", "<freejoint/>");
+    assert!(nameless != MODEL);
+    let task = TASK.replace(
+        "[measurements]",
+        "[reset]\nqpos_noise = { uniform = 0.1, except = ['joint 1'] }\n[measurements]\nh = { height = 'body 2' }\n\
+         c = { contact = ['body:body 2', 'floor'] }",
+    );
+    load(&task.replace("qvel = [\"slider\"]", "qvel = [\"joint 1[:3]\"]"), &nameless).unwrap();
+    let error = load(&task.replace("'body 2' }", "'body 3' }"), &nameless).err().unwrap().to_string();
+    assert!(error.contains("no site or geom or body is called 'body 3'"), "{error}");
+    assert!(error.contains("cart") && error.contains("body 2"), "{error}");
+    // A name of its own hides the number.
+    let error = load(&task.replace("'body 2' }", "'body 1' }"), &nameless).err().unwrap().to_string();
+    assert!(error.contains("no site or geom or body is called 'body 1'"), "{error}");
+    let error =
+        load(&TASK.replace("qpos = \"slider\"", "qpos = \"hip\""), &nameless).err().unwrap().to_string();
+    assert!(error.contains("the model has: slider, joint 1"), "{error}");
 }
 
 #[test]

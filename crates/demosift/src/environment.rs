@@ -178,6 +178,17 @@ pub trait Task: Send + Sync {
     /// Whether an episode with these measurements, `[T+1, measurements]`, reached the task's goal;
     /// `None` where the task does not say. For training demonstrators and for reporting, never for judging.
     fn succeeded(&self, measurements: &Rows) -> Option<bool>;
+
+    /// What others would report of an episode with these measurements, `[T+1, measurements]`: the sum of its true reward over
+    /// the steps that were played; `None` where the task does not say. For reports only, never for judging.
+    fn true_return(&self, _measurements: &Rows) -> Option<f64> {
+        None
+    }
+
+    /// Whether an episode may end before its horizon; [`StepOutcome::terminated`] then says when.
+    fn may_end_early(&self) -> bool {
+        false
+    }
 }
 
 /// A running instance of a task.
@@ -210,6 +221,7 @@ pub struct SimulatorState<'a> {
 pub struct StepOutcome {
     /// R_task with its shaping: for training demonstrators, never part of R_IL.
     pub task_reward: f32,
-    /// Whether the new state is terminal. Tasks of fixed horizon never say so (see the trap page on horizons).
+    /// Whether the new state is terminal, so that this step is the last one. Tasks of fixed horizon never say so (see the
+    /// trap page on horizons).
     pub terminated: bool,
 }

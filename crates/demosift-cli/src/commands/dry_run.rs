@@ -4,6 +4,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use demosift::Result;
+use demosift::environment::Task;
 use demosift::forecast::{self, Forecast, Goal};
 use serde_json::json;
 
@@ -12,10 +13,14 @@ use crate::job::Job;
 use crate::tables;
 use crate::terminal;
 
+/// What counting cannot know.
+const EARLY: &str = "Episodes of this task may end early, and the steps are counted as if none did: learning to imitate and \
+                     judging will play fewer, and a policy from scratch as many in more episodes and updates.";
+
 /// Shows what a job has still to do until a goal is reached.
 pub(super) fn of_job(job: &mut Job, goal: Goal<'_>, arguments: &RunArguments) -> Result<()> {
     let forecast = job.run(|run| forecast::forecast(run, goal, &mut clock()))?;
-    show(&forecast, job.folder().path(), arguments);
+    show(&forecast, job.chosen().task.as_ref(), job.folder().path(), arguments);
     Ok(())
 }
 
@@ -25,17 +30,21 @@ pub(super) fn clock() -> impl FnMut() -> f64 {
     move || start.elapsed().as_secs_f64()
 }
 
-/// Shows a forecast.
-pub(super) fn show(forecast: &Forecast, folder: &Path, arguments: &RunArguments) {
+/// Shows a forecast of a run with a task.
+pub(super) fn show(forecast: &Forecast, task: &dyn Task, folder: &Path, arguments: &RunArguments) {
     let threads = rayon::current_num_threads();
     if arguments.json {
         let mut said = json!(forecast);
         said["dry_run"] = json!(true);
+        said["episodes_may_end_early"] = json!(task.may_end_early());
         said["threads"] = json!(threads);
         said["run_folder"] = json!(folder);
         terminal::show_json(&said);
         return;
     }
     terminal::show(&tables::forecast::in_words(forecast, threads));
+    if task.may_end_early() && !forecast.stages.is_empty() {
+        terminal::show(&format!("\n{}\n", tables::wrapped(EARLY)));
+    }
     terminal::show(&format!("\nNothing was written. The run folder: {}\n", folder.display()));
 }

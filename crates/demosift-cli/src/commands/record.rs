@@ -209,7 +209,7 @@ fn foresee(plan: &Plan, recording: &Recording, folder: &RunFolder, arguments: &R
         Some(_) => Forecast::nothing(),
         None => forecast::forecast_recording(&playground, &asked, folder, &mut dry_run::clock())?,
     };
-    dry_run::show(&foreseen, folder.path(), arguments);
+    dry_run::show(&foreseen, playground.task(), folder.path(), arguments);
     Ok(())
 }
 

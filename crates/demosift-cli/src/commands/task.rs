@@ -8,7 +8,7 @@ use demosift::seed::Seed;
 use demosift::trajectory::StateLog;
 use demosift::{Error, Result};
 use demosift_mujoco::check::{
-    self, Actuator, Compared, Finding, Played, Range, Recorded, Seen, Severity, StatesFrom,
+    self, Actuator, Compared, Finding, Part, Played, Range, Recorded, Seen, Severity, StatesFrom,
 };
 use serde_json::json;
 
@@ -21,8 +21,9 @@ use crate::{demonstrations, terminal};
 const SHOWN: usize = 24;
 
 const LEGEND: &str = "Misses: the share of a step's change that an action, taken in its own recorded state, does not bring \
-                      about. Drift: how far positions go from the recorded ones, rad or m, at most and as root mean \
-                      square; leaves: the first step at which it is more than 0.01.";
+                      about, of the median step among those in which something moves. Drift: how far positions go from \
+                      the recorded ones, rad or m, at most and as root mean square; leaves: the first step at which it is \
+                      more than 0.01.";
 
 pub(crate) fn run(command: &TaskCommand) -> Result<()> {
     match command {
@@ -96,8 +97,7 @@ fn unreadable(error: &Error) -> Finding {
 }
 
 fn summary(seen: &Seen) -> String {
-    let parts: Vec<String> =
-        seen.observation.iter().map(|part| format!("{} {}", part.key, part.columns.len())).collect();
+    let parts: Vec<String> = seen.observation.iter().map(part).collect();
     let unit = if seen.unit.is_empty() { String::new() } else { format!(" [{}]", seen.unit) };
     let rows = [
         ("bodies", counted(&seen.bodies)),
@@ -118,16 +118,38 @@ fn summary(seen: &Seen) -> String {
                 seen.control_step_secs, seen.frame_skip, seen.timestep_secs
             ),
         ),
-        ("episode", format!("{} control steps, {:.2} s", seen.horizon, seen.episode_secs)),
+        ("episode", episode(seen)),
         ("observation", format!("{} numbers: {}", seen.observation_size, parts.join(", "))),
         ("action", actuators(seen)),
         ("variants", counted(&seen.variants)),
         ("heuristic", format!("{}{unit}; higher is better", seen.heuristic)),
         ("success", seen.success.clone().unwrap_or_else(|| "the task does not say".to_owned())),
         ("reward", if seen.reward.is_empty() { "none".to_owned() } else { seen.reward.join(" + ") }),
+        (
+            "return",
+            seen.true_return.as_ref().map_or_else(
+                || "the task does not say".to_owned(),
+                |name| format!("the sum of {name} over the steps, for reports only"),
+            ),
+        ),
     ];
     let lines = rows.iter().map(|(what, words)| tables::hanging(&format!("  {what:<12}   "), words));
     format!("The task '{}':\n\n{}", seen.name, lines.collect::<String>())
+}
+
+/// Such as `1000 control steps, 8.00 s; ends early as soon as height leaves [0.8, 2]`.
+fn episode(seen: &Seen) -> String {
+    let whole = format!("{} control steps, {:.2} s", seen.horizon, seen.episode_secs);
+    if seen.ends.is_empty() {
+        return whole;
+    }
+    format!("{whole}; ends early as soon as {}", seen.ends.join(", or "))
+}
+
+/// Such as `qvel 9 clipped to [-10, 10]`.
+fn part(part: &Part) -> String {
+    let clipped = part.clip.map_or(String::new(), |[low, high]| format!(" clipped to [{low}, {high}]"));
+    format!("{} {}{clipped}", part.key, part.columns.len())
 }
 
 /// Names with their ranges, which are said once where they are all the same.
@@ -171,8 +193,12 @@ fn under_random_actions(seen: &Seen, played: &Played, steps_per_sec: f64) -> Str
     } else {
         String::new()
     };
+    let ended = match played.ended_early {
+        0 => String::new(),
+        count => format!(" ({count} of them ended early)"),
+    };
     let words = format!(
-        "{}{cut} of random actions: {} control steps, {} a second on one thread.",
+        "{}{cut} of random actions{ended}: {} control steps, {} a second on one thread.",
         check::several(played.episodes, "episode"),
         played.steps,
         tables::rounded(steps_per_sec)
@@ -256,7 +282,7 @@ fn row_of(
     if says {
         row.push(one.succeeded.map_or_else(unknown, tables::yes_or_no));
     }
-    row.push(one.missed.map_or_else(unknown, check::percent_missed));
+    row.push(one.typically_missed.map_or_else(unknown, check::percent_missed));
     match one.drift {
         None => row.extend([(); 3].map(|()| unknown())),
         Some(drift) => {

@@ -6,6 +6,7 @@ use demosift::rows::Rows;
 use demosift::trajectory::StateLog;
 
 use super::{Finding, first_few, in_first, looked_at};
+use crate::interval::Interval;
 use crate::model::Joint;
 use crate::mujoco_task::MujocoTask;
 use crate::replay::Replay;
@@ -116,11 +117,32 @@ fn explain(recorded: &[Column], made: &Made, asked: &[usize], fits: bool) -> Fin
 
 impl Made {
     /// The number that a recorded one equals throughout; `None` if there is none, or it tells nothing.
-    fn like(&self, recorded: &Column) -> Option<&str> {
-        let all = self.observed.iter().flatten().chain(&self.others);
-        let mut like = all.filter(|made| varies(&made.values) && same(&recorded.values, &made.values));
-        like.next().map(|made| made.name.as_str())
+    fn like(&self, recorded: &Column) -> Option<String> {
+        let all = || self.observed.iter().flatten().chain(&self.others).filter(|made| varies(&made.values));
+        let like = all().find(|made| same(&recorded.values, &made.values)).map(|made| made.name.clone());
+        like.or_else(|| all().find_map(|made| clipped(recorded, made)))
     }
+}
+
+/// Such as `qvel elbow clipped to [-10, 10]`, if the recorded number is that.
+fn clipped(recorded: &Column, made: &Column) -> Option<String> {
+    let range = |values: &[f64]| Interval {
+        low: values.iter().copied().fold(f64::INFINITY, f64::min),
+        high: values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+    };
+    let (mut clip, made_range) = (range(&recorded.values), range(&made.values));
+    let cut: Vec<f64> = made.values.iter().map(|value| clip.clip(*value)).collect();
+    if !varies(&recorded.values) || !same(&recorded.values, &cut) {
+        return None;
+    }
+    // Only an end that something was cut off at is one of the range.
+    if made_range.low >= clip.low - SAME {
+        clip.low = f64::NEG_INFINITY;
+    }
+    if made_range.high <= clip.high + SAME {
+        clip.high = f64::INFINITY;
+    }
+    Some(format!("{} clipped to {}", made.name, clip.words()))
 }
 
 fn varies(values: &[f64]) -> bool {
@@ -160,7 +182,8 @@ fn make(task: &MujocoTask, episodes: &[Episode<'_>], each: Option<usize>) -> Res
     let readings = &task.blueprint().observation;
     let told = readings.iter().flat_map(|reading| {
         let told = reading.key() != "contact_wrench";
-        reading.columns(task.model()).into_iter().map(move |name| (name, told))
+        let clipped = reading.clip.map_or(String::new(), |clip| format!(" clipped to {}", clip.words()));
+        reading.columns(task.model()).into_iter().map(move |name| (name + &clipped, told))
     });
     let mut observed: Vec<Option<Column>> =
         told.map(|(name, told)| told.then_some(Column { name, values: Vec::new() })).collect();

@@ -7,6 +7,8 @@
 
 mod columns;
 mod dynamics;
+mod known;
+mod lengths;
 mod play;
 mod recorded;
 mod seen;

@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use super::{Finding, first_few, several};
 use crate::environment::MujocoEnvironment;
+use crate::measurement::Measurement;
 use crate::model::Kind;
 use crate::mujoco_task::MujocoTask;
 
@@ -33,12 +34,16 @@ const DEEP: f64 = 0.02;
 pub struct Played {
     /// Episodes, spread evenly over the variants.
     pub episodes: usize,
-    /// Control steps of all episodes, up to where a simulation became unstable.
+    /// Control steps of all episodes, up to where one ended or became unstable.
     pub steps: usize,
     /// Control steps of an episode that were played: all of them, but of very long ones the first.
     pub steps_per_episode: usize,
     /// Control steps of everything that was played, episodes that were repeated and actuators that were tried included.
     pub steps_in_all: usize,
+    /// Episodes that ended before their horizon because a measurement left its range.
+    pub ended_early: usize,
+    /// Episodes that start outside of such a range.
+    pub ended_at_start: usize,
     /// Episodes in which the simulation became unstable.
     pub unstable: usize,
     /// What MuJoCo warned of, and in how many episodes.
@@ -93,11 +98,14 @@ impl Played {
     }
 }
 
-/// An episode of random actions, up to where the simulation became unstable.
+/// An episode of random actions, up to its end or to where the simulation became unstable.
 struct Episode {
     observations: Rows,
     measurements: Rows,
     unstable: bool,
+    ended: bool,
+    /// What ended it before the first step, in words.
+    ended_at_start: Option<String>,
     warnings: Vec<&'static str>,
 }
 
@@ -135,7 +143,8 @@ pub fn play(task: &MujocoTask, seed: &Seed) -> Result<(Played, Vec<Finding>)> {
     let tried = 2 * PUSHED * specification.action_size;
     let steps_in_all = played.steps + again.iter().map(Episode::steps).sum::<usize>() + tried;
     let played = Played { without_effect, repeats, steps_in_all, ..played };
-    let findings = findings(task, &played, &overlaps);
+    let mut findings = findings(task, &played, &overlaps);
+    findings.extend(ends(task, &episodes));
     Ok((played, findings))
 }
 
@@ -158,22 +167,31 @@ fn episode(environment: &mut MujocoEnvironment, seed: &Seed, number: usize, leng
     let mut measurements = Rows::with_capacity(now.len(), length + 1);
     observations.push(&observation);
     measurements.push(&now);
+    let left = environment.task().ends.left(environment.measured());
+    let ended_at_start = left.map(|kept| kept.words(&specification.measurements));
+    let mut ended = false;
     let mut action = vec![0.0; specification.action_size];
     for step in 0..length {
+        if ended {
+            break;
+        }
         if step.is_multiple_of(hold) {
             draw(&mut action, &mut rng);
         }
-        environment.step(&action, &mut observation, &mut now);
+        let outcome = environment.step(&action, &mut observation, &mut now);
         if environment.is_unstable() {
             break;
         }
+        ended = outcome.terminated;
         observations.push(&observation);
         measurements.push(&now);
     }
     Episode {
+        ended: ended && observations.len() <= specification.horizon,
         observations,
         measurements,
         unstable: environment.is_unstable(),
+        ended_at_start,
         warnings: environment.warnings_by_kind().into_iter().map(|(words, _)| words).collect(),
     }
 }
@@ -258,6 +276,8 @@ fn sum_up(task: &MujocoTask, episodes: &[Episode], length: usize) -> Played {
         steps,
         steps_per_episode: length,
         steps_in_all: steps,
+        ended_early: episodes.iter().filter(|episode| episode.ended).count(),
+        ended_at_start: episodes.iter().filter(|episode| episode.ended_at_start.is_some()).count(),
         unstable: episodes.len() - stable,
         warnings,
         observation,
@@ -328,6 +348,42 @@ fn physics(played: &Played, overlaps: &[String]) -> Vec<Finding> {
     findings
 }
 
+/// Where episodes of random actions end, if the task says that they may end early.
+fn ends(task: &MujocoTask, episodes: &[Episode]) -> Option<Finding> {
+    if !task.may_end_early() {
+        return None;
+    }
+    let outside = episodes.iter().filter_map(|episode| episode.ended_at_start.as_deref());
+    if let Some(first) = outside.clone().next() {
+        return Some(Finding::error(
+            format!(
+                "{} of {} start where they should end: {first}",
+                outside.count(),
+                several(episodes.len(), "random episode")
+            ),
+            "they are over after one step; widen the range in [ends], or start within it in [reset]",
+        ));
+    }
+    let mut lengths: Vec<usize> = episodes.iter().filter(|one| one.ended).map(Episode::steps).collect();
+    lengths.sort_unstable();
+    let (Some(least), Some(most)) = (lengths.first(), lengths.last()) else {
+        return Some(Finding::fine(format!(
+            "none of {} leaves the ranges of [ends]",
+            several(episodes.len(), "random episode")
+        )));
+    };
+    let message = format!(
+        "{} of {} end early, after {least} to {most} steps (half of them by step {})",
+        lengths.len(),
+        several(episodes.len(), "random episode"),
+        lengths[(lengths.len() - 1) / 2]
+    );
+    if *most == 1 {
+        return Some(Finding::error(message, "nobody can learn in one step; see the ranges in [ends]"));
+    }
+    Some(Finding::fine(message))
+}
+
 fn what_is_seen(task: &MujocoTask, played: &Played) -> Vec<Finding> {
     let constant = |ranges: &[Range]| -> Vec<String> {
         ranges.iter().filter(|range| range.is_constant()).map(|range| range.name.clone()).collect()
@@ -342,11 +398,14 @@ fn what_is_seen(task: &MujocoTask, played: &Played) -> Vec<Finding> {
         ),
     });
     let still = constant(&played.measurements);
-    let is_contact = |name: &String| {
+    let measured = |name: &String| {
         let column = task.specification().measurements.iter().position(|known| known == name);
-        column.is_some_and(|column| task.blueprint().measurements[column].is_contact())
+        column.map(|column| &task.blueprint().measurements[column])
     };
-    let (contacts, others): (Vec<String>, Vec<String>) = still.into_iter().partition(is_contact);
+    let is_contact = |name: &String| measured(name).is_some_and(Measurement::is_contact);
+    // That no random episode ended has been said.
+    let still = still.into_iter().filter(|name| !measured(name).is_some_and(Measurement::is_alive));
+    let (contacts, others): (Vec<String>, Vec<String>) = still.partition(is_contact);
     if !contacts.is_empty() {
         findings.push(Finding::fine(format!(
             "contacts that neither began nor ended, as may be in random episodes: {}",

@@ -2,15 +2,14 @@
 
 use demosift::Result;
 use demosift::demonstration::Demonstration;
-use demosift::environment::{Specification, Task as _};
+use demosift::environment::Task as _;
 use demosift::heuristic::Score;
-use demosift::rows::Rows;
 use demosift::trajectory::StateLog;
 use serde::Serialize;
 
-use super::{Drift, Finding, Severity, columns, dynamics, several};
+use super::known::{self, Known};
+use super::{Drift, Finding, Severity, columns, dynamics, lengths, several};
 use crate::mujoco_task::MujocoTask;
-use crate::observation::Reading;
 use crate::replay;
 
 /// Where the simulator's states of demonstrations are known from.
@@ -44,8 +43,10 @@ pub struct Compared {
     /// The largest number of its actions, without sign.
     pub largest_action: f64,
     /// The share of a step's change that its actions miss, each taken in its own recorded state: 0 is the same physics, 1 as
-    /// good as no prediction; `None` without states.
+    /// good as no prediction. Root mean square, in which a few hard contacts may outweigh all else; `None` without states.
     pub missed: Option<f64>,
+    /// The same share of a typical step, the median of those in which something moves; `None` without states.
+    pub typically_missed: Option<f64>,
     /// How far its actions, played again from its first state, go from what was recorded; `None` without states.
     pub drift: Option<Drift>,
     /// The task's heuristic of what was recorded; `None` without states.
@@ -71,6 +72,7 @@ pub fn compare(
             outside: numbers.iter().filter(|number| number.abs() > 1.0).count(),
             largest_action: numbers.iter().fold(0.0, |largest, number| f64::from(number.abs()).max(largest)),
             missed: None,
+            typically_missed: None,
             drift: None,
             score: None,
             succeeded: None,
@@ -80,32 +82,42 @@ pub fn compare(
     if let Some(finding) = other_sizes(set) {
         return Ok((recorded, vec![finding]));
     }
-    let mut findings: Vec<Finding> = lengths(specification, &recorded).into_iter().collect();
-    let made = match states {
-        Some(_) => None,
-        None => states_in_observations(task, set),
+    let fits = observation_size(set) == specification.observation_size;
+    let clipping = if fits { known::clipping(task, set) } else { known::Clipping::default() };
+    let from_observations = match states {
+        None if fits => known::states_in_observations(task, set, &clipping),
+        _ => None,
     };
-    recorded.states = match (states, &made) {
+    recorded.states = match (states, &from_observations) {
         (Some(_), _) => StatesFrom::Recording,
         (None, Some(_)) => StatesFrom::Observations,
         (None, None) => StatesFrom::Nowhere,
     };
-    let hidden: &[usize] = made.as_ref().map_or(&[], |made| &made.hidden);
-    let Some(states) = states.or(made.as_ref().map(|made| &made.states[..])) else {
-        findings.push(Finding::warning(
-            "the set holds no states of the simulator, so nothing is played again and no observation is checked",
-            "record `qpos` and `qvel` beside the observations, if you can: docs/formats.md says where",
-        ));
-        findings.extend(sizes(task, set, false));
-        findings.push(actions(set, &recorded));
-        return Ok((recorded, findings));
+    let mut findings = Vec::new();
+    if states.is_none() {
+        findings.extend(clipping.findings);
+    }
+    let (states, known) = match (states, &from_observations) {
+        (Some(states), _) => (states, Known::all(task)),
+        (None, Some(made)) => (&made.states[..], made.known.clone()),
+        (None, None) => {
+            findings.extend(lengths::unexplained(task, &recorded));
+            findings.push(Finding::warning(
+                "the set holds no states of the simulator, so nothing is played again and no observation is checked",
+                "record `qpos` and `qvel` beside the observations, if you can: docs/formats.md says where",
+            ));
+            findings.extend(sizes(task, set, false));
+            findings.push(actions(set, &recorded));
+            return Ok((recorded, findings));
+        }
     };
-    match replay_all(task, set, (states, hidden), &mut recorded) {
+    match replay_all(task, set, Replayed { states, known: &known }, &mut recorded) {
         Ok(more) => {
             findings.extend(sizes(task, set, true));
             findings.extend(more);
         }
         Err(error) => {
+            findings.extend(lengths::unexplained(task, &recorded));
             findings.extend(sizes(task, set, false));
             findings.push(Finding::error(
                 error.to_string(),
@@ -198,8 +210,8 @@ fn actions(set: &[Demonstration], recorded: &Recorded) -> Finding {
     let share = outside as f64 / numbers as f64 * 100.0;
     let message = format!("{share:.1} % of the numbers of actions are outside [-1, 1], up to {largest:.2}");
     // What was clipped then and is clipped now leads to the same states.
-    let physics = recorded.demonstrations.iter().map(|one| one.missed);
-    if physics.clone().all(|missed| missed.is_some_and(dynamics::is_same_physics)) {
+    let physics = recorded.demonstrations.iter().map(|one| one.typically_missed);
+    if physics.clone().all(|missed| missed.is_some_and(dynamics::is_same_body)) {
         return Finding::fine(format!("{message}; they are clipped, as they were when they were recorded"));
     }
     Finding::warning(
@@ -208,71 +220,18 @@ fn actions(set: &[Demonstration], recorded: &Recorded) -> Finding {
     )
 }
 
-fn lengths(task: &Specification, recorded: &Recorded) -> Option<Finding> {
-    let others = recorded.demonstrations.iter().filter(|one| one.steps != task.horizon);
-    let lengths: Vec<usize> = others.map(|one| one.steps).collect();
-    let (least, most) = (lengths.iter().min()?, lengths.iter().max()?);
-    let span = if least == most { least.to_string() } else { format!("{least} to {most}") };
-    Some(Finding::warning(
-        format!(
-            "{} of {} have {span} steps, and an episode of the task {}",
-            lengths.len(),
-            several(recorded.demonstrations.len(), "demonstration"),
-            task.horizon
-        ),
-        "an agent plays the task's length, whatever it imitates; see whether `horizon` is what you mean",
-    ))
-}
-
-/// States of each demonstration, and which positions in them are not known.
-struct Made {
-    states: Vec<StateLog>,
-    hidden: Vec<usize>,
-}
-
-/// The states out of observations that hold every velocity, and every position but those of slides.
-///
-/// Where a slide stands hardly ever matters to the physics: a runner runs everywhere alike. Unknown ones stand at 0.
-fn states_in_observations(task: &MujocoTask, set: &[Demonstration]) -> Option<Made> {
-    if observation_size(set) != task.specification().observation_size {
-        return None;
-    }
-    let model = task.model().mujoco();
-    let (mut qpos, mut qvel) = (vec![None; model.nq() as usize], vec![None; model.nv() as usize]);
-    let mut first = 0;
-    for reading in &task.blueprint().observation {
-        if let Reading::Qpos(range) = reading {
-            range.clone().enumerate().for_each(|(offset, at)| qpos[at] = Some(first + offset));
-        }
-        if let Reading::Qvel(range) = reading {
-            range.clone().enumerate().for_each(|(offset, at)| qvel[at] = Some(first + offset));
-        }
-        first += reading.width();
-    }
-    let hidden: Vec<usize> = (0..qpos.len()).filter(|at| qpos[*at].is_none()).collect();
-    let slides = task.model().slides();
-    if hidden.len() == qpos.len() || qvel.contains(&None) || !hidden.iter().all(|at| slides.contains(at)) {
-        return None;
-    }
-    let pick = |rows: &Rows, columns: &[Option<usize>]| -> Vec<f64> {
-        let number =
-            |row: &[f32], column: &Option<usize>| column.map_or(0.0, |column| f64::from(row[column]));
-        rows.iter()
-            .flat_map(|row| columns.iter().map(|column| number(row, column)).collect::<Vec<_>>())
-            .collect()
-    };
-    let states = set.iter().map(|demonstration| {
-        let rows = demonstration.observations();
-        StateLog { qpos: pick(rows, &qpos), qvel: pick(rows, &qvel) }
-    });
-    Some(Made { states: states.collect(), hidden })
+/// States of each demonstration, and which of their numbers are known.
+#[derive(Clone, Copy)]
+struct Replayed<'a> {
+    states: &'a [StateLog],
+    known: &'a Known,
 }
 
 /// Fills in what the states tell, as far as sizes allow.
 fn replay_all(
     task: &MujocoTask,
     set: &[Demonstration],
-    (states, hidden): (&[StateLog], &[usize]),
+    Replayed { states, known }: Replayed<'_>,
     recorded: &mut Recorded,
 ) -> Result<Vec<Finding>> {
     let mut findings = Vec::new();
@@ -289,37 +248,45 @@ fn replay_all(
             .collect();
         findings.extend(columns::compare(task, &episodes)?);
     } else {
-        let but = if hidden.is_empty() { "" } else { " that matters" };
-        findings.push(Finding::fine(format!(
-            "the task observes every position{but} and velocity, so states are taken from the observations"
-        )));
+        findings.push(known.found(states));
     }
     if action_size(set) != task.specification().action_size {
+        findings.extend(lengths::unexplained(task, recorded));
         return Ok(findings);
     }
     let episodes: Vec<dynamics::Episode<'_>> = set
         .iter()
         .zip(states)
-        .map(|(one, states)| dynamics::Episode { actions: one.actions(), states, hidden })
+        .map(|(one, states)| dynamics::Episode { actions: one.actions(), states, known })
         .collect();
     let mut environment = task.mujoco_environment()?;
+    let mut measured = Vec::new();
     for (episode, compared) in episodes.iter().zip(&mut recorded.demonstrations) {
-        compared.drift = Some(dynamics::drift(&mut environment, *episode)?);
-        if !hidden.is_empty() {
-            // What is measured may depend on what is not known.
-            continue;
+        compared.drift = dynamics::drift(&mut environment, *episode)?;
+        let rows = replay::measurements(task, episode.states, episode.actions).ok();
+        // What is measured may depend on what is not known.
+        if let Some(rows) = rows.as_ref().filter(|_| known.is_all()) {
+            compared.score = Some(task.heuristic().score(rows));
+            compared.succeeded = task.succeeded(rows);
         }
-        if let Ok(rows) = replay::measurements(task, episode.states, episode.actions) {
-            compared.score = Some(task.heuristic().score(&rows));
-            compared.succeeded = task.succeeded(&rows);
-        }
+        measured.push(rows);
     }
+    findings.extend(lengths::explained(
+        task,
+        recorded,
+        lengths::Measured { rows: &measured, states, known },
+    )?);
     findings.extend(dynamics::not_recorded(&environment, &episodes));
     let misses = dynamics::misses(&mut environment, &episodes)?;
-    recorded.demonstrations.iter_mut().zip(&misses).for_each(|(one, missed)| one.missed = *missed);
+    for (one, missed) in recorded.demonstrations.iter_mut().zip(&misses) {
+        one.missed = missed.map(|missed| missed.share);
+        one.typically_missed = missed.map(|missed| missed.typical);
+    }
     if let Some(mut finding) = dynamics::judge(&mut environment, &episodes, &misses)? {
         same_physics = finding.severity == Severity::Fine;
-        if let (StatesFrom::Observations, Some(advice)) = (recorded.states, &mut finding.advice) {
+        let is_far = misses.iter().flatten().any(|missed| !dynamics::is_same_body(missed.typical));
+        let from_observations = recorded.states == StatesFrom::Observations;
+        if let Some(advice) = finding.advice.as_mut().filter(|_| from_observations && is_far) {
             *advice += "; or the numbers of the set stand in another order than those of `observation`";
         }
         findings.push(finding);
@@ -333,6 +300,7 @@ fn drifts(recorded: &Recorded, same_physics: bool) -> Option<Finding> {
     let left = recorded.demonstrations.iter().filter_map(|one| one.drift.as_ref()?.left_at);
     let count = recorded.demonstrations.len();
     let (left, first) = (left.clone().count(), left.min());
+    recorded.demonstrations.iter().find(|one| one.drift.is_some())?;
     let Some(first) = first else {
         return Some(Finding::fine(format!(
             "played again from its first state, no demonstration leaves its recorded positions by more than {}",

@@ -36,6 +36,8 @@ pub struct Seen {
     pub horizon: usize,
     /// Simulated seconds of an episode.
     pub episode_secs: f64,
+    /// When an episode ends before that, such as `height leaves [0.8, 2]`; any one of them ends it.
+    pub ends: Vec<String>,
     /// What the agent sees, in order.
     pub observation: Vec<Part>,
     /// Numbers in an observation.
@@ -50,6 +52,8 @@ pub struct Seen {
     pub unit: String,
     /// When an episode is a success, in words; `None` if the task does not say.
     pub success: Option<String>,
+    /// The measurement whose sum over an episode is its true return, which is only reported; `None` if the task does not say.
+    pub true_return: Option<String>,
     /// Terms of the reward on which demonstrators are trained; none if the task has no such reward.
     pub reward: Vec<String>,
 }
@@ -74,6 +78,8 @@ pub struct Part {
     pub first: usize,
     /// What each of its numbers is, such as `qpos elbow`.
     pub columns: Vec<String>,
+    /// The range `[low, high]` that its numbers are clipped to.
+    pub clip: Option<[f64; 2]>,
 }
 
 /// A measurement.
@@ -90,6 +96,7 @@ pub fn look(task: &MujocoTask) -> (Seen, Vec<Finding>) {
     let seen = describe(task);
     let mut findings = Vec::new();
     findings.extend(sign(task.blueprint()));
+    findings.extend(early_end(task.blueprint()));
     findings.extend(times(&seen));
     if seen.reward.is_empty() {
         findings.push(Finding::warning(
@@ -136,28 +143,31 @@ fn describe(task: &MujocoTask) -> Seen {
         control_step_secs: specification.control_step_secs,
         horizon: specification.horizon,
         episode_secs: specification.control_step_secs * specification.horizon as f64,
+        ends: blueprint.ends.words(names),
         observation: parts(blueprint),
         observation_size: specification.observation_size,
         variants: specification.variants.clone(),
         measurements: measured
-            .map(|(name, measurement)| Measured { name: name.clone(), what: measurement.words(model) })
+            .map(|(name, measurement)| Measured { name: name.clone(), what: measurement.words(model, names) })
             .collect(),
         heuristic: blueprint.heuristic.words(names),
         unit: blueprint.heuristic.unit().to_owned(),
         success,
+        true_return: blueprint.true_return.map(|column| names[column].clone()),
         reward: reward(blueprint),
     }
 }
 
-/// Neighbors of one key are one part.
+/// Neighbors of one key that are clipped alike are one part.
 fn parts(task: &Blueprint) -> Vec<Part> {
     let mut parts: Vec<Part> = Vec::new();
     let mut first = 0;
     for reading in &task.observation {
         let columns = reading.columns(&task.model);
+        let clip = reading.clip.map(|clip| [clip.low, clip.high]);
         match parts.last_mut() {
-            Some(last) if last.key == reading.key() => last.columns.extend(columns),
-            _ => parts.push(Part { key: reading.key().to_owned(), first, columns }),
+            Some(last) if last.key == reading.key() && last.clip == clip => last.columns.extend(columns),
+            _ => parts.push(Part { key: reading.key().to_owned(), first, columns, clip }),
         }
         first += reading.width();
     }
@@ -186,6 +196,15 @@ fn sign(task: &Blueprint) -> Option<Finding> {
             "if near is good, add `negate = true` to [heuristic]",
         )
     })
+}
+
+/// A heuristic that an early end favors, whatever the agent did before it.
+fn early_end(task: &Blueprint) -> Option<Finding> {
+    let why = task.heuristic.favors_an_early_end().filter(|_| !task.ends.is_empty())?;
+    Some(Finding::warning(
+        format!("episodes may end early, and the heuristic is {why}"),
+        "take a sum of what is good at each step (such as `alive`), or how far it came: docs/traps/variable-horizon.md",
+    ))
 }
 
 /// Control steps and episodes of unusual length.

@@ -53,6 +53,14 @@ impl Task for OneVariant {
     fn succeeded(&self, measurements: &Rows) -> Option<bool> {
         self.task.succeeded(measurements)
     }
+
+    fn true_return(&self, measurements: &Rows) -> Option<f64> {
+        self.task.true_return(measurements)
+    }
+
+    fn may_end_early(&self) -> bool {
+        self.task.may_end_early()
+    }
 }
 
 /// An instance that always starts under the one variant.
