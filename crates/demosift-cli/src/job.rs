@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use demosift::adapt::MetaPrior;
-use demosift::artifact::Artifact as _;
+use demosift::artifact::{Artifact as _, FORMAT_VERSION};
 use demosift::data_only::DataOnly;
 use demosift::demonstration::{self, DemonstrationSet};
 use demosift::experiment::{self, Config, Run};
@@ -72,6 +72,11 @@ impl Job {
             let name = Method::from(method).to_string();
             let layer = Table::from_iter([("method".to_owned(), toml::Value::String(name))]);
             configuration::apply(&mut values, &Layer { source: "--method".to_owned(), values: layer })?;
+        }
+        if let Some(refereeing) = arguments.referee {
+            let layer = Table::try_from(refereeing).expect("two numbers are a table");
+            let layer = Table::from_iter([("referee".to_owned(), toml::Value::Table(layer))]);
+            configuration::apply(&mut values, &Layer { source: "--referee".to_owned(), values: layer })?;
         }
         let values = configuration::of_job(values);
         let config: Config = configuration::typed(values.clone())?;
@@ -227,6 +232,7 @@ impl Plan {
     pub(crate) fn open_folder(&self, data: Option<Data>, values: &Table, dry: bool) -> Result<RunFolder> {
         let identity = Identity {
             demosift: env!("CARGO_PKG_VERSION").to_owned(),
+            format: FORMAT_VERSION,
             task: self.chosen.name.clone(),
             task_sha256: self.chosen.sha256.clone(),
             variant: self.chosen.variant.clone(),

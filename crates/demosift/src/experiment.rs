@@ -41,6 +41,7 @@
 
 mod checks;
 mod keeping;
+mod verdict;
 
 use serde::{Deserialize, Serialize};
 
@@ -54,10 +55,10 @@ use crate::judge::{self, Judged, Judging, ScoreTable};
 use crate::ledger::Ledger;
 use crate::meta_train::{self, MetaState, MetaTraining, MutualInformation};
 use crate::method::{self, Asked, Costs, Method, Plan, Spent};
-use crate::metrics::{self, Gain};
 use crate::observer::Observer;
 use crate::policy::PolicyShape;
 use crate::pre_train::{self, PreTrainState, PreTraining};
+use crate::referee::{self, KEPT, NamedSubset, Refereeing, Verdict};
 use crate::rollout::Playground;
 use crate::seed::Seed;
 use crate::select::{self, Keep, Ranking, Subset};
@@ -66,7 +67,9 @@ use crate::uncertainty::{self, Resampling, Uncertainty};
 
 pub use checks::{check, check_demonstrator, check_fits, check_has_weights};
 pub use keeping::Keeping;
+pub use verdict::{BEST, verdict};
 pub(crate) use keeping::{begun, stage_name};
+pub(crate) use verdict::rest as rest_of_verdict;
 
 /// Everything that a run depends on, besides the demonstrations and the task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -92,6 +95,8 @@ pub struct Config {
     pub subset_selection: SubsetSelection,
     /// Imitation from scratch.
     pub imitate: Imitation,
+    /// How often final policies are trained to say whether selecting helps.
+    pub referee: Refereeing,
 }
 
 /// What a run is about, and where it keeps and tells what it finds.
@@ -117,12 +122,8 @@ pub struct Sifted {
     pub selection: Selection,
     /// What scorers of the recorded data alone say; beside the ranking, never in it.
     pub data_only: DataOnly,
-    /// Imitation from scratch of the subset.
-    pub from_subset: LearningCurve,
-    /// Imitation from scratch of the whole set, with as many environment steps.
-    pub from_all: LearningCurve,
-    /// How much better the policy from the subset is.
-    pub gain: Gain,
+    /// What to train on, by which imitator, and whether selecting helps.
+    pub verdict: Verdict,
 }
 
 /// What is concluded from the scores.
@@ -143,10 +144,8 @@ pub fn sift(run: &mut Run<'_>) -> Result<Sifted> {
     let scores = scores(run, &prior)?;
     let data_only = data_only(run)?;
     let selection = selection(run, &scores)?;
-    let from_subset = learning_curve(run, "subset", &selection.subset.demos)?;
-    let from_all = learning_curve(run, "all", &run.set.ids())?;
-    let gain = metrics::gain(&from_subset.outcome, &from_all.outcome);
-    Ok(Sifted { scores, selection, data_only, from_subset, from_all, gain })
+    let verdict = verdict(run, &[NamedSubset::new(KEPT, &selection.subset.demos)])?;
+    Ok(Sifted { scores, selection, data_only, verdict })
 }
 
 /// How the run's method spends its budget.
@@ -275,7 +274,8 @@ pub fn costs(run: &Run<'_>) -> Result<Costs> {
     let stages = method.stage().into_iter().chain([judge::STAGE, subset_selection::STAGE]).map(str::to_owned);
     let imitations = ["subset", "all"].map(|part| stage_name(imitate::STAGE, part));
     let recall = |stage: String| Ok(Spent::recall(run.ledger, &stage)?.map(|spent| (stage, spent)));
-    let spent = stages.chain(imitations).filter_map(|stage| recall(stage).transpose());
+    let stages = stages.chain(imitations).chain([referee::STAGE.to_owned()]);
+    let spent = stages.filter_map(|stage| recall(stage).transpose());
     Ok(Costs { method, plan: plan(run), spent: spent.collect::<Result<_>>()? })
 }
 

@@ -20,6 +20,7 @@ use crate::ledger::Ledger;
 use crate::meta_train::{self, MetaState, MetaTraining};
 use crate::observer::Silent;
 use crate::policy::Policy;
+use crate::referee::imitation_by;
 use crate::rollout::{self, Acting, Playground};
 use crate::rows::Rows;
 use crate::seed::Seed;
@@ -136,8 +137,9 @@ impl Probe<'_, '_> {
             Piece::Inner { at_once, demonstrations } => {
                 self.update(&config.inner, (at_once, demonstrations), &seed, clock)
             }
-            Piece::Imitation { demonstrations } => {
-                self.update(&config.imitate.update, (1, demonstrations), &seed, clock)
+            Piece::Imitation { rule, at_once, demonstrations } => {
+                let update = imitation_by(rule, &config.imitate).update;
+                self.update(&update, (at_once, demonstrations), &seed, clock)
             }
             Piece::Evaluation { episodes } => {
                 playing_seconds(self.run.playground, &self.untrained(&seed).policy, episodes, &seed, clock)

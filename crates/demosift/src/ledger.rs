@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::error::Result;
 
 /// Keeps nouns and checkpoints by name; the run folder is one.
-pub trait Ledger {
+pub trait Ledger: Send {
     /// What was kept under a name, if anything.
     fn recall(&self, name: &str) -> Result<Option<Vec<u8>>>;
     /// Keeps bytes under a name, whole or not at all.

@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-/// Hears of a run's progress; called from one thread, in order.
-pub trait Observer {
+/// Hears of a run's progress; called by one thread at a time.
+pub trait Observer: Send {
     /// One thing happened.
     fn on(&mut self, event: Event<'_>);
 }

@@ -22,6 +22,7 @@ use crate::judge::{Judged, ScoreTable, Suitability};
 use crate::ledger::Ledger;
 use crate::method::Costs;
 use crate::metrics::{self, Gain};
+use crate::referee::Verdict;
 use crate::select::{self, Keep, Ranking, Subset};
 use crate::subset_selection::{Weighing, WeighingEnd};
 use crate::uncertainty::Uncertainty;
@@ -85,7 +86,9 @@ pub struct Report {
     pub curves: Vec<AdaptationCurve>,
     /// What the recordings alone say.
     pub opinions: Vec<Opinion>,
-    /// The policy from the kept demonstrations beside the one from all, where both were trained.
+    /// What the referee says, where it was asked.
+    pub verdict: Option<Verdict>,
+    /// The policy from the kept demonstrations beside the one from all, by one training each, where both were trained.
     pub learning: Option<Learning>,
     /// How the weights went (Algorithm 3), where they were asked for.
     pub weights: Option<WeightTrends>,
@@ -234,6 +237,7 @@ pub fn report(sources: &Sources<'_>) -> Result<Report> {
         adapted_behaviors_distance: scores.adapted_behaviors_distance(),
         curves: scores.suitabilities.iter().map(curve).collect(),
         opinions: opinions(&ranking, sources.opinions),
+        verdict: Verdict::recall(ledger, "")?,
         learning: learning(ledger, set)?,
         weights: Weighing::recall(ledger, "")?.map(trends),
         costs: played(sources.costs),

@@ -19,6 +19,7 @@ use demosift::point_mass::{PointMass, planted_set};
 use demosift::policy::PolicyShape;
 use demosift::preset::Preset;
 use demosift::recording;
+use demosift::referee::{self, Refereeing};
 use demosift::rollout::Playground;
 use demosift::seed::Seed;
 use demosift::select::{self, Keep};
@@ -71,8 +72,10 @@ fn small(seed: u64) -> Config {
             evaluate_every: 4,
             evaluations: 10,
             checkpoint_every: 3,
+            cloning_updates: 20,
             ..quick.imitate
         },
+        referee: Refereeing { cloning: 3, gail: 1 },
     }
 }
 
@@ -231,6 +234,11 @@ fn algorithm_1_one_update_from_the_meta_discriminator_pays_less_alike() {
     }
 }
 
+/// Whether something was written down: a checkpoint, or one of the referee's trainings.
+fn is_kept(event: &Event<'_>) -> bool {
+    matches!(event, Event::Checkpoint { .. } | Event::Advanced { stage: referee::STAGE, .. })
+}
+
 /// Kills the process, as far as a test can, at a checkpoint.
 struct KilledAt {
     checkpoints_left: usize,
@@ -238,7 +246,7 @@ struct KilledAt {
 
 impl Observer for KilledAt {
     fn on(&mut self, event: Event<'_>) {
-        if matches!(event, Event::Checkpoint { .. }) {
+        if is_kept(&event) && self.checkpoints_left > 0 {
             self.checkpoints_left -= 1;
             if self.checkpoints_left == 0 {
                 resume_unwind(Box::new("killed"));
@@ -253,7 +261,7 @@ struct Count(usize);
 
 impl Observer for Count {
     fn on(&mut self, event: Event<'_>) {
-        self.0 += usize::from(matches!(event, Event::Checkpoint { .. }));
+        self.0 += usize::from(is_kept(&event));
     }
 }
 
@@ -281,15 +289,18 @@ fn sift(config: &Config, ledger: &mut InMemory, observer: &mut dyn Observer) -> 
     experiment::sift(&mut Run { set: &set, playground, config, ledger, observer }).unwrap()
 }
 
-const NOUNS: [&str; 8] = [
+const NOUNS: [&str; 11] = [
     "prior.safetensors",
     "scores.json",
     "ranking.json",
     "subset.json",
-    "policy_subset.safetensors",
-    "learning_curve_subset.json",
-    "policy_all.safetensors",
-    "learning_curve_all.json",
+    "verdict.json",
+    "spent_referee.json",
+    "policy_best.safetensors",
+    "policy_best.onnx",
+    "policy_referee_kept_cloning_2.safetensors",
+    "learning_curve_referee_all_gail_0.json",
+    "learning_curve_referee_random_2_cloning_1.json",
 ];
 
 fn nouns(ledger: &InMemory) -> Vec<Vec<u8>> {
@@ -322,7 +333,7 @@ fn a_run_killed_at_any_checkpoint_goes_on_to_the_same_bytes() {
 fn goes_on_to_the_same_bytes(config: &Config) {
     let (mut whole, mut count) = (InMemory::default(), Count::default());
     let sifted = sift(config, &mut whole, &mut count);
-    assert!(count.0 >= 7, "meta-training, judging and both imitations have checkpoints: {}", count.0);
+    assert!(count.0 >= 16, "meta-training and judging have checkpoints, and the referee eleven trainings: {}", count.0);
     for kill in 1..=count.0 {
         let mut ledger = InMemory::default();
         let mut killed = KilledAt { checkpoints_left: kill };
@@ -369,13 +380,16 @@ fn imitating_the_good_demonstration_alone_beats_imitating_a_bad_one() {
         experiment::oracle(run, DemoId(demo), 0).unwrap()
     });
     let [good, bad] = &mut outcomes;
-    assert!(good.outcome.score > bad.outcome.score + 0.3, "{:?} and {:?}", good.outcome, bad.outcome);
+    assert!(good.end.score > bad.end.score + 0.3, "{:?} and {:?}", good.end, bad.end);
     // The curve starts at nothing learned, ends at the budget, and its best point is the policy that is kept.
     assert_eq!(good.points[0].environment_steps, 0);
     assert_eq!(good.points.last().unwrap().environment_steps, 6000);
     assert_eq!(good.demos, [DemoId(0)]);
     let best = good.points.iter().map(|point| point.score).fold(f64::NEG_INFINITY, f64::max);
     assert!(best > good.points[0].score + 0.3);
+    assert_eq!(good.best_point().unwrap().score, best);
+    // All that was played: twenty batches of 300 steps, and evaluations of ten episodes of 30 steps.
+    assert_eq!(good.played, 6000 + 300 * (good.points.len() as u64 + 2));
 }
 
 fn training() -> DemonstratorTraining {

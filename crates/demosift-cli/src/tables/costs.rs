@@ -1,7 +1,7 @@
 //! What the stages of a run cost in environment steps, beside the budget that all methods have.
 
 use demosift::method::Costs;
-use demosift::{demonstrator, judge, meta_train, pre_train, subset_selection};
+use demosift::{demonstrator, judge, meta_train, pre_train, referee, subset_selection};
 use serde_json::{Map, Value, json};
 
 use super::{table, wrapped};
@@ -44,6 +44,7 @@ pub(super) fn in_words(stage: &str) -> String {
         pre_train::STAGE => "imitating the entire set",
         judge::STAGE => "judging",
         subset_selection::STAGE => "weighing",
+        referee::STAGE => "final policies, several each",
         "imitate_subset" => "from scratch, the kept",
         "imitate_all" => "from scratch, all",
         "oracle" => "from scratch, each alone",

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::By;
-use crate::adapt::Learner;
+use crate::adapt::{Learner, Rule};
 use crate::artifact::Artifact;
 use crate::demonstration::DemoId;
 use crate::demonstrator::{self, DemonstratorState, Stage};
@@ -16,6 +16,7 @@ use crate::meta_train::{self, MetaState, MetaTraining};
 use crate::method::Method;
 use crate::pre_train::{self, PreTrainState};
 use crate::recording;
+use crate::referee::{self, DECISIVE, KEPT, Meant, NamedSubset, imitation_by};
 use crate::rollout::Playground;
 use crate::select::{Keep, Subset};
 use crate::subset_selection::{self, Weighing, WeighingState};
@@ -31,8 +32,10 @@ pub enum Goal<'a> {
     Selection,
     /// The subset by weights.
     Weighing,
-    /// The policy from the subset beside that from all.
+    /// The policy from the subset beside that from all, by one training each.
     Comparison,
+    /// What the referee says.
+    Verdict,
     /// One policy from these demonstrations, under the name of its part.
     Policy(&'a str, &'a [DemoId]),
     /// Each demonstration alone so often, and so many random subsets.
@@ -66,8 +69,8 @@ pub(super) enum Piece {
     Round { meta_batch: usize },
     /// Playing for and making one update of judging or pre-training, so many at once, each toward so many demonstrations.
     Inner { at_once: usize, demonstrations: usize },
-    /// The same in imitation from scratch.
-    Imitation { demonstrations: usize },
+    /// The same in imitation from scratch by a rule.
+    Imitation { rule: Rule, at_once: usize, demonstrations: usize },
     /// An environment step of an evaluation of so many episodes.
     Evaluation { episodes: usize },
     /// An environment step of a demonstrator that learns.
@@ -102,6 +105,10 @@ pub fn planned(run: &Run<'_>, goal: Goal<'_>) -> Result<Vec<Planned>> {
             stages.extend(imitation(run, "subset", kept.as_deref(), size)?);
             stages.extend(imitation(run, "all", Some(&run.set.ids()), count)?);
         }
+        Goal::Verdict => {
+            stages = planned(run, Goal::Selection)?;
+            stages.extend(verdict(run)?);
+        }
         Goal::Policy(part, demos) => stages.extend(imitation(run, part, Some(demos), demos.len())?),
         Goal::Oracle { repeats, random } => {
             let mut alone = Vec::new();
@@ -128,6 +135,7 @@ fn together(stage: &str, parts: Vec<Planned>) -> Option<Planned> {
         .reduce(|sum, part| Planned {
             environment_steps: sum.environment_steps + part.environment_steps,
             updates: sum.updates + part.updates,
+            at_most: sum.at_most || part.at_most,
             pieces: [sum.pieces, part.pieces].concat(),
             ..sum
         })
@@ -267,13 +275,14 @@ fn imitation(run: &Run<'_>, part: &str, demos: Option<&[DemoId]>, size: usize) -
     let updates = imitate::updates(task, imitation);
     let environment_steps = imitate::steps(task, imitation);
     let learning = updates * imitation.update.episodes(task.horizon) * task.horizon;
+    let piece = Piece::Imitation { rule: imitation.update.imitation, at_once: 1, demonstrations: size };
     let whole = Whole {
         stage: stage_name(imitate::STAGE, part),
         environment_steps,
         updates: updates as u64,
         at_most: false,
         pieces: vec![
-            (Piece::Imitation { demonstrations: size }, updates as f64),
+            (piece, updates as f64),
             (
                 Piece::Evaluation { episodes: imitation.evaluations },
                 (environment_steps - learning as u64) as f64,
@@ -291,6 +300,38 @@ fn imitation(run: &Run<'_>, part: &str, demos: Option<&[DemoId]>, size: usize) -
         )?;
     let (spent, done) = if done == 0 { (0, 0) } else { (spent, done) };
     Ok(whole.rest(spent, done, updates.max(1)))
+}
+
+/// The referee's trainings; before anything is kept, as if as many demonstrations were kept as is likely.
+fn verdict(run: &Run<'_>) -> Result<Option<Planned>> {
+    let ids = run.set.ids();
+    let kept = Subset::recall(run.ledger, "")?.map(|subset| subset.demos);
+    let kept = kept.unwrap_or_else(|| ids[..likely_size(run)].to_vec());
+    let candidates = referee::candidates(&ids, &[NamedSubset::new(KEPT, &kept)])?;
+    let task = run.playground.specification();
+    let at_once = rayon::current_num_threads();
+    let of_training = |meant: Meant| {
+        let imitation = imitation_by(meant.imitator, &run.config.imitate);
+        let updates = imitate::updates(task, &imitation);
+        let environment_steps = imitate::steps(task, &imitation);
+        let learning = (updates * imitation.update.episodes(task.horizon) * task.horizon) as u64;
+        let demonstrations = candidates[meant.candidates[0]].size;
+        let piece = Piece::Imitation { rule: meant.imitator, at_once, demonstrations };
+        let evaluation = Piece::Evaluation { episodes: imitation.evaluations };
+        Planned {
+            stage: referee::STAGE.to_owned(),
+            environment_steps,
+            updates: updates as u64,
+            // Who is surely hopeless is dropped.
+            at_most: run.config.referee.trainings(meant.imitator) > DECISIVE,
+            pieces: vec![
+                (piece, updates as f64 / at_once as f64),
+                (evaluation, (environment_steps - learning) as f64),
+            ],
+        }
+    };
+    let rest = experiment::rest_of_verdict(run, &candidates)?;
+    Ok(together(referee::STAGE, rest.into_iter().map(of_training).collect()))
 }
 
 fn is_sorted_from(found: &[DemoId], demos: &[DemoId]) -> bool {

@@ -50,6 +50,8 @@ mod tests {
         let curve = LearningCurve {
             demos: vec![DemoId(0)],
             outcome: points[0],
+            end: points[0],
+            played: 0,
             points,
             best: Policy::untrained(&shape, ObservationFilter::identity(1), 1, Seed::new(1)),
         };
