@@ -318,7 +318,7 @@ pub struct Difference {
     pub over: usize,
     /// The difference of the means.
     pub by: Score,
-    /// Lower limit: above 0 the first is surely better. Each limit holds at the level divided by the pairs compared.
+    /// Lower limit: above 0 the first is surely better. Limits are at the level of the test, divided by the pairs compared.
     pub low: Score,
     /// Upper limit.
     pub high: Score,

@@ -1,3 +1,5 @@
+#![allow(clippy::print_stdout, reason = "with --nocapture the tests show the rates of docs/design.md")]
+
 use rand::RngExt as _;
 
 use super::*;
@@ -58,7 +60,7 @@ fn each_conclusion_has_its_case() {
     let same = said(&HIGH, &HIGH, &LOW);
     assert_eq!((same.conclusion, same.winner), (Conclusion::CannotTell, Some(1)), "the whole set is simpler");
     assert!(same.sentence.contains("cannot be told"), "{}", same.sentence);
-    let ahead = said(&[0.9, 0.8, 0.5, 0.7, 0.6], &[0.5, 0.6, 0.4, 0.7, 0.3], &LOW);
+    let ahead = said(&[0.9, 0.8, 0.5, 0.7, 0.6], &[0.55, 0.65, 0.45, 0.75, 0.35], &LOW);
     assert_eq!((ahead.conclusion, ahead.winner), (Conclusion::CannotTell, Some(0)), "a good guess all the same");
 
     let few = said(&HIGH[..2], &LOW[..2], &LOW[..2]);
@@ -199,15 +201,16 @@ fn what_the_referee_is_to_do_is_written_as_it_is_read() {
     }
 }
 
-/// Pools of trainings, one a pair, each drawn from a distribution of its candidate.
-fn pools(candidates: &[Candidate], draw: impl Fn(Side, &mut Rng) -> Score) -> Vec<Trained> {
+/// Pools of trainings, one a pair, each drawn from a distribution of its own.
+fn pools(candidates: &[Candidate], draw: impl Fn(Side, Rule, &mut Rng) -> Score) -> Vec<Trained> {
     let mut rng = Seed::new(11).into_rng();
-    let of = |candidate: usize, imitator: Rule, rng: &mut Rng| {
-        let scores: Vec<Score> = (0..20_000).map(|_| draw(candidates[candidate].side, rng)).collect();
+    let pairs = IMITATORS.into_iter().flat_map(|rule| (0..candidates.len()).map(move |index| (index, rule)));
+    let of = |(candidate, imitator): (usize, Rule)| {
+        let side = candidates[candidate].side;
+        let scores: Vec<Score> = (0..4_000).map(|_| draw(side, imitator, &mut rng)).collect();
         Trained { candidate, imitator, trainings: scored(&scores, 0.0), dropped: false }
     };
-    let pairs = IMITATORS.into_iter().flat_map(|rule| (0..candidates.len()).map(move |index| (index, rule)));
-    pairs.map(|(candidate, imitator)| of(candidate, imitator, &mut rng)).collect()
+    pairs.map(of).collect()
 }
 
 fn normal(rng: &mut Rng) -> f64 {
@@ -227,23 +230,40 @@ const ALIKE: [(&str, Draw); 5] = [
 
 const RESAMPLES: usize = 2000;
 
-/// Nobody is better than anybody: *helps* is an error. The measured rates are in docs/design.md.
+/// How far below the others a pair is that is hopeless.
+const HOPELESS: Score = 99.0;
+
+/// Who is hopeless, so that others stand alone against a wrong verdict.
+type Worse = fn(Side, Rule) -> bool;
+
+const SITUATIONS: [(&str, Worse); 3] = [
+    ("all alike", |_, _| false),
+    ("random subsets hopeless", |side, _| side == Side::Random),
+    ("and all by cloning from the whole set", |side, rule| {
+        side == Side::Random || (side == Side::Whole && rule == BehavioralCloning)
+    }),
+];
+
+/// Nobody is better than the best of the whole set: *helps* is an error. `docs/design.md` has these rates.
 #[test]
 fn helps_is_said_wrongly_in_at_most_one_of_twenty() {
     for kept in [&[named("kept", &[1, 2])][..], &[named("a", &[1]), named("b", &[2, 3])]] {
         let candidates = field(kept);
-        for how in ["cloning=3", "cloning=5", "cloning=10", "cloning=10,gail=3"] {
+        for how in ["cloning=3", "cloning=5", "cloning=10", "cloning=10,gail=3", "cloning=10,gail=10"] {
             let how: Refereeing = how.parse().expect("well written");
             for (name, draw) in ALIKE {
-                let alike = pools(&candidates, |_, rng| draw(rng));
-                let all = error_rates(&candidates, &alike, how, RESAMPLES, &Seed::new(5)).expect("pools");
-                // The control is hopeless, so that the whole set alone stands against a wrong verdict.
-                let worse = pools(&candidates, |side, rng| draw(rng) - if side == Side::Random { 99.0 } else { 0.0 });
-                let hard = error_rates(&candidates, &worse, how, RESAMPLES, &Seed::new(6)).expect("pools");
-                // Three binomial standard deviations above the level.
-                let most = LEVEL + 3.0 * (LEVEL * (1.0 - LEVEL) / RESAMPLES as f64).sqrt();
-                assert!(all.rate <= LEVEL, "{name}, {how}: {all:?}");
-                assert!(hard.rate <= most, "{name}, {how}, a hopeless control: {hard:?}");
+                for (situation, is_worse) in SITUATIONS {
+                    if how.gail == 0 && is_worse(Side::Whole, BehavioralCloning) {
+                        continue;
+                    }
+                    let pools = pools(&candidates, |side, rule, rng| {
+                        draw(rng) - if is_worse(side, rule) { HOPELESS } else { 0.0 }
+                    });
+                    let found = error_rates(&candidates, &pools, how, RESAMPLES, &Seed::new(5)).expect("pools");
+                    let ErrorRate { rate, upper, .. } = found;
+                    println!("{} kept, {how}: {name}, {situation}: {rate} (below {upper:.4})", kept.len());
+                    assert!(found.rate <= LEVEL, "{name}, {how}, {situation}: {found:?}");
+                }
             }
         }
     }
@@ -252,11 +272,12 @@ fn helps_is_said_wrongly_in_at_most_one_of_twenty() {
 #[test]
 fn a_clear_difference_is_found() {
     let candidates = field(&[named("kept", &[1, 2])]);
-    let better = pools(&candidates, |side, rng| normal(rng) + if side == Side::Kept { 3.0 } else { 0.0 });
+    let better = pools(&candidates, |side, _, rng| normal(rng) + if side == Side::Kept { 3.0 } else { 0.0 });
     let mut before = 0.0;
     for (how, least) in [("cloning=3", 0.5), ("cloning=5", 0.9), ("cloning=10", 0.99)] {
         let found = error_rates(&candidates, &better, how.parse().expect("written"), 1000, &Seed::new(5));
         let rate = found.expect("pools").rate;
+        println!("three standard deviations, {how}: found in {rate}");
         assert!(rate >= least && rate >= before, "{how}: {rate}");
         before = rate;
     }
