@@ -67,9 +67,9 @@ use crate::uncertainty::{self, Resampling, Uncertainty};
 
 pub use checks::{check, check_demonstrator, check_fits, check_has_weights};
 pub use keeping::Keeping;
-pub use verdict::{BEST, verdict};
 pub(crate) use keeping::{begun, stage_name};
 pub(crate) use verdict::rest as rest_of_verdict;
+pub use verdict::{BEST, verdict};
 
 /// Everything that a run depends on, besides the demonstrations and the task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -216,7 +216,10 @@ fn key(name: &str, taken: &[Candidate]) -> String {
     let is_taken = |key: &str| taken.iter().any(|candidate| candidate.key == key);
     match is_taken(&key) {
         false => key,
-        true => (2..).map(|number| format!("{key}_{number}")).find(|key| !is_taken(key)).expect("numbers do not end"),
+        true => (2..)
+            .map(|number| format!("{key}_{number}"))
+            .find(|key| !is_taken(key))
+            .expect("numbers do not end"),
     }
 }
 

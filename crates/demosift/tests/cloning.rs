@@ -249,11 +249,7 @@ fn a_run_killed_at_any_checkpoint_goes_on_to_the_same_bytes() {
     for config in kinds() {
         let (mut whole, mut never) = (InMemory::default(), KilledAt { checkpoint: 0, seen: 0 });
         let sifted = sift(&config, &mut whole, &mut never);
-        assert!(
-            never.seen >= 4,
-            "meta-training and judging have checkpoints: {}",
-            never.seen
-        );
+        assert!(never.seen >= 4, "meta-training and judging have checkpoints: {}", never.seen);
         for checkpoint in 1..=never.seen {
             let mut ledger = InMemory::default();
             let mut killed = KilledAt { checkpoint, seen: 0 };

@@ -78,9 +78,8 @@ impl Contest {
 
     /// Trainings `from..to` of the pairs from `first` on, round by round.
     fn units(&self, from: usize, to: usize, first: usize) -> Vec<Unit> {
-        let is_asked = |pair: &Trained, training| {
-            !pair.dropped && training < self.refereeing.trainings(pair.imitator)
-        };
+        let is_asked =
+            |pair: &Trained, training| !pair.dropped && training < self.refereeing.trainings(pair.imitator);
         let of_round = |training: usize| {
             let pairs = self.pairs.iter().enumerate().skip(first);
             pairs.filter(move |(_, pair)| is_asked(pair, training)).map(move |(index, pair)| Unit {
@@ -124,9 +123,8 @@ fn shown_imitators(refereeing: &Refereeing) -> impl Iterator<Item = Rule> {
 
 /// The kept candidates that such an imitator trains: the best, or all where none is known to be the best.
 fn shown_kept(candidates: &[Candidate], best: Option<usize>) -> Vec<usize> {
-    let is_shown = |index: &usize| {
-        candidates[*index].side == Side::Kept && best.is_none_or(|best| *index == best)
-    };
+    let is_shown =
+        |index: &usize| candidates[*index].side == Side::Kept && best.is_none_or(|best| *index == best);
     (0..candidates.len()).filter(is_shown).collect()
 }
 
@@ -139,7 +137,8 @@ pub fn hopeless(candidates: &[Candidate], pairs: &[Trained]) -> Vec<usize> {
     let is_surely_worse = |index: &usize| {
         let pair = &pairs[*index];
         let sample = Sample::of(&pair.trainings);
-        let rivals = pairs.iter().filter(|rival| side(rival) == side(pair) && rival.trainings.len() >= DECISIVE);
+        let rivals =
+            pairs.iter().filter(|rival| side(rival) == side(pair) && rival.trainings.len() >= DECISIVE);
         let rivals = rivals.map(|rival| Sample::of(&rival.trainings));
         let best = rivals.max_by(|a, b| a.mean.total_cmp(&b.mean));
         best.is_some_and(|best| best.mean > sample.mean && best.over(&sample).low(STRICT) > 0.0)

@@ -1,9 +1,7 @@
 //! What the scores of the trainings say: a pure function of them, so that its error rates can be measured.
 
 use super::welch::{Sample, Welch};
-use super::{
-    Candidate, Conclusion, DECISIVE, Difference, LEVEL, Pair, Side, Trained, Verdict, words,
-};
+use super::{Candidate, Conclusion, DECISIVE, Difference, LEVEL, Pair, Side, Trained, Verdict, words};
 
 /// Share of the level at which is tested. Scores that are all or nothing come in steps, and at the level itself a test of
 /// five or ten such trainings a side is wrong in 5.8 % (`docs/design.md`).

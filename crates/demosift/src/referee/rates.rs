@@ -45,7 +45,8 @@ pub fn error_rates(
                 return Ok(contest.decide("").conclusion == Conclusion::Helps);
             }
             for unit in units {
-                let is_its = |pool: &&Trained| (pool.candidate, pool.imitator) == (unit.candidate, unit.imitator);
+                let is_its =
+                    |pool: &&Trained| (pool.candidate, pool.imitator) == (unit.candidate, unit.imitator);
                 let drawn = pools.iter().find(is_its).and_then(|pool| pool.trainings.choose(&mut rng));
                 let name = || candidates[unit.candidate].names.join(" and ");
                 let none = || Error::bad_input(format!("there is no pool of trainings of '{}'", name()));

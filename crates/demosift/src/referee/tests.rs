@@ -45,7 +45,9 @@ fn each_conclusion_has_its_case() {
     assert_eq!((helps.conclusion, helps.winner, helps.compared), (Conclusion::Helps, Some(0), 1));
     let difference = helps.difference.expect("compared");
     assert!((difference.of, difference.over) == (0, 1) && difference.low > 0.5 && difference.high < 1.0);
-    assert!(helps.sentence.starts_with("Selecting helps: train on the 2 demonstrations kept (1, 3) by cloning. "));
+    assert!(
+        helps.sentence.starts_with("Selecting helps: train on the 2 demonstrations kept (1, 3) by cloning. ")
+    );
     assert!(helps.sentence.ends_with("random subsets of 2."), "{}", helps.sentence);
     assert!(helps.sentence.contains("Policies from them score +0.786 m beside"), "{}", helps.sentence);
 
@@ -61,7 +63,11 @@ fn each_conclusion_has_its_case() {
     assert_eq!((same.conclusion, same.winner), (Conclusion::CannotTell, Some(1)), "the whole set is simpler");
     assert!(same.sentence.contains("cannot be told"), "{}", same.sentence);
     let ahead = said(&[0.9, 0.8, 0.5, 0.7, 0.6], &[0.55, 0.65, 0.45, 0.75, 0.35], &LOW);
-    assert_eq!((ahead.conclusion, ahead.winner), (Conclusion::CannotTell, Some(0)), "a good guess all the same");
+    assert_eq!(
+        (ahead.conclusion, ahead.winner),
+        (Conclusion::CannotTell, Some(0)),
+        "a good guess all the same"
+    );
 
     let few = said(&HIGH[..2], &LOW[..2], &LOW[..2]);
     assert_eq!((few.conclusion, few.winner, few.compared), (Conclusion::NothingToCompare, Some(0), 0));
@@ -84,7 +90,8 @@ fn all_that_is_kept_leaves_nothing_to_compare() {
 
 #[test]
 fn who_would_keep_the_same_is_one_candidate_with_both_names() {
-    let found = field(&[named("kept by cloning", &[3, 1]), named("kept by GAIL", &[1, 3]), named("auto", &[2])]);
+    let found =
+        field(&[named("kept by cloning", &[3, 1]), named("kept by GAIL", &[1, 3]), named("auto", &[2])]);
     let names: Vec<String> = found.iter().map(|candidate| candidate.names.join(" and ")).collect();
     assert_eq!(names, ["kept by cloning and kept by GAIL", "auto", "all", "random 1", "random 2"]);
     let keys: Vec<&str> = found.iter().map(|candidate| candidate.key.as_str()).collect();
@@ -155,7 +162,8 @@ fn nobody_is_dropped_before_three_trainings_and_the_best_never() {
     let (rounds, verdict) = played(&two, "cloning=5,gail=4", score);
     assert_eq!(rounds.len(), 3, "three trainings at first, then one by one");
     assert_eq!(rounds[0].len(), 8 * 3);
-    let by = |index: usize| (verdict.pairs[index].trained.trainings.len(), verdict.pairs[index].trained.dropped);
+    let by =
+        |index: usize| (verdict.pairs[index].trained.trainings.len(), verdict.pairs[index].trained.dropped);
     assert_eq!((by(0), by(1), by(2)), ((3, true), (5, false), (5, false)));
     assert_eq!((by(4), by(5), by(6)), ((3, true), (4, false), (3, true)));
     assert_eq!(verdict.compared, 4, "the dropped count all the same");
@@ -181,7 +189,8 @@ fn what_is_meant_is_what_is_trained_where_nobody_is_dropped() {
     let (rounds, _) = played(&[named("kept", &[0, 1, 2, 3, 4, 5])], "cloning=5,gail=1", |_| 0.0);
     assert_eq!(rounds.concat().len(), 6);
     // What decides nothing trains the best of the kept.
-    let (rounds, _) = played(&kept, "cloning=3,gail=1", |unit| unit.candidate as f64 + 0.1 * unit.training as f64);
+    let (rounds, _) =
+        played(&kept, "cloning=3,gail=1", |unit| unit.candidate as f64 + 0.1 * unit.training as f64);
     assert_eq!(rounds[1].iter().map(|unit| unit.candidate).collect::<Vec<_>>(), [1, 2]);
 }
 
@@ -259,7 +268,8 @@ fn helps_is_said_wrongly_in_at_most_one_of_twenty() {
                     let pools = pools(&candidates, |side, rule, rng| {
                         draw(rng) - if is_worse(side, rule) { HOPELESS } else { 0.0 }
                     });
-                    let found = error_rates(&candidates, &pools, how, RESAMPLES, &Seed::new(5)).expect("pools");
+                    let found =
+                        error_rates(&candidates, &pools, how, RESAMPLES, &Seed::new(5)).expect("pools");
                     let ErrorRate { rate, upper, .. } = found;
                     println!("{} kept, {how}: {name}, {situation}: {rate} (below {upper:.4})", kept.len());
                     assert!(found.rate <= LEVEL, "{name}, {how}, {situation}: {found:?}");
@@ -286,7 +296,9 @@ fn a_clear_difference_is_found() {
 /// scipy.stats.beta.ppf(0.95, k + 1, n - k).
 #[test]
 fn the_upper_bound_is_clopper_and_pearsons() {
-    for ((happened, of), wanted) in [((0, 1000), 0.002_991_2), ((50, 1000), 0.062_863_4), ((3, 10), 0.606_624)] {
+    for ((happened, of), wanted) in
+        [((0, 1000), 0.002_991_2), ((50, 1000), 0.062_863_4), ((3, 10), 0.606_624)]
+    {
         assert!((upper_bound(happened, of) - wanted).abs() < 1e-6, "{}", upper_bound(happened, of));
     }
     assert_eq!(upper_bound(5, 5), 1.0);

@@ -107,7 +107,10 @@ mod tests {
         let found = over(&[5.0, 7.0, 9.0, 11.0], &[2.0, 3.0, 4.0, 4.0]);
         assert!((found.by / found.standard_error - 3.449_796_936_212_173).abs() < 1e-12);
         assert!((found.freedom - 3.809_691_765_066_708).abs() < 1e-12, "{}", found.freedom);
-        assert!((found.low(0.05) - 1.772_034_889_666_831).abs() < 1e-6 && (found.high(0.05) - 7.727_965_110_333_167).abs() < 1e-6);
+        assert!(
+            (found.low(0.05) - 1.772_034_889_666_831).abs() < 1e-6
+                && (found.high(0.05) - 7.727_965_110_333_167).abs() < 1e-6
+        );
     }
 
     #[test]
