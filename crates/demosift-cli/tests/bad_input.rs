@@ -364,7 +364,9 @@ fn a_run_folder_of_an_earlier_format() {
     let earlier = [&text[..begun], &text[end..]].concat().replace(env!("CARGO_PKG_VERSION"), "0.0.9");
     std::fs::write(&file, earlier).unwrap();
     let before = scratch.files("run");
-    for command in ["sift --out run --resume", "report run", "export run --as json", "export run --as onnx"] {
+    for command in
+        ["sift --out run --resume", "report run", "export run --as json", "export run --as onnx --out models"]
+    {
         let version = format!("this is demosift {}, which reads format version 2", env!("CARGO_PKG_VERSION"));
         let wanted = [
             "the run is of demosift 0.0.9, whose files have format version 1",

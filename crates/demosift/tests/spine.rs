@@ -396,6 +396,27 @@ fn imitating_the_good_demonstration_alone_beats_imitating_a_bad_one() {
     assert_eq!(good.played, 6000 + 300 * (good.points.len() as u64 + 2));
 }
 
+/// The last policy plays the episodes that the best one is scored on, so where they are the same the scores are.
+#[test]
+fn the_end_of_a_curve_is_the_last_policy_on_the_episodes_of_the_outcome() {
+    let set = planted_set(&[0.0, 180.0], Seed::new(9)).unwrap();
+    let (task, mut config) = (PointMass::new(), small(4));
+    let curve = |config: &Config| {
+        let playground = &Playground::new(&task);
+        let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
+        let run = &mut Run { set: &set, playground, config, ledger, observer };
+        experiment::learning_curve(run, "x", &[DemoId(1)]).unwrap()
+    };
+    // Imitating what leads away is best when it has not begun.
+    let away = curve(&config);
+    assert_eq!(away.best_point(), away.points.first());
+    assert!(away.end.score < away.outcome.score - 0.3, "{:?} and {:?}", away.end, away.outcome);
+    config.imitate.environment_steps = 0;
+    let still = curve(&config);
+    assert_eq!((still.points.len(), still.end), (1, still.outcome));
+    assert_eq!(still.played, 3 * 10 * 30, "the one point, the best and the last");
+}
+
 fn training() -> DemonstratorTraining {
     DemonstratorTraining {
         updates: 40,

@@ -111,10 +111,10 @@ function variants() {
 const IMITATORS = { behavioral_cloning: "cloning", gail: "GAIL" };
 
 // What is trained on, as the rows of the picture name it.
-function candidateName({ names, side, size, demos }) {
+function candidateName({ names, side, size }) {
   if (side === "whole") return `all ${size}`;
   if (side === "random") return `random ${size}`;
-  return `the ${size} ${names.join(" and ")}${demos.length <= 8 ? ` (${listed(demos)})` : ""}`;
+  return `the ${size} ${names.join(" and ")}`;
 }
 
 function verdict() {
@@ -125,7 +125,7 @@ function verdict() {
   const pad = (high - low) * 0.04;
   const domain = [low - pad, high + pad];
   const narrow = matchMedia("(max-width: 720px)").matches;
-  const width = narrow ? 150 : 380;
+  const width = narrow ? 150 : 360;
   const decimals = decimalsFor(scores);
   const remark = (pair, index) => index === found.winner ? el("span", { class: "tag" }, narrow ? "✓" : "train on this")
     : pair.dropped ? "dropped early" : found.compared && !pair.is_compared ? "shown only" : "";
@@ -144,8 +144,7 @@ function verdict() {
   const limits = found.compared > 1 ? ` The level is divided by the ${found.compared} kept pairs that are compared.` : "";
   into("verdict",
     el("h2", {}, "What to train on"),
-    el("p", {}, found.sentence),
-    el("p", { class: "soft" }, `Final policies from scratch, one dot per training: its best policy on episodes that did not choose it. The bar is the 95 % interval of the mean over trainings. Random subsets are others in each training. *Helps* is said wrongly in at most ${percent(found.level)} of runs in which it is not so.${limits}`.replaceAll("*", "")),
+    el("p", { class: "soft" }, `Final policies from scratch, one dot per training: its best policy on episodes that did not choose it. The bar is the 95 % interval of the mean over trainings. Random subsets are others in each training. Where nothing is gained, a run says that selecting helps in at most ${percent(found.level)} of cases.${limits}`),
     el("div", { class: "scroll" }, el("table", {},
       el("thead", {}, el("tr", {}, el("th", { class: "left" }, "policies from"), el("th", { class: "left" }, "by"), el("th", { class: "wide" }, "trainings"),
         el("th", {}, inUnit("heuristic")), el("th", { class: "left" }, axisRow(domain, width)), knowsSuccess ? el("th", { class: "wide" }, "success") : null, el("th", { class: "left wide" }))),

@@ -2,10 +2,7 @@
 
 use demosift::referee::{Candidate, Pair, Side, Verdict, imitator_name};
 
-use super::{Scale, list, percent, table, wrapped};
-
-/// Of more demonstrations than these the table does not say which.
-const LISTED: usize = 8;
+use super::{Scale, percent, table, wrapped};
 
 /// All pairs, and what to train on.
 pub(crate) fn verdict(verdict: &Verdict, unit: &str) -> String {
@@ -40,15 +37,12 @@ pub(crate) fn verdict(verdict: &Verdict, unit: &str) -> String {
     format!("{what}\n\n{}\n{sentence}", table(&header, &rows))
 }
 
-/// A candidate in a table.
-fn name(Candidate { names, side, size, demos, .. }: &Candidate) -> String {
-    match (side, demos) {
-        (Side::Kept, Some(demos)) if demos.len() <= LISTED => {
-            format!("the {size} {} ({})", names.join(" and "), list(demos))
-        }
-        (Side::Kept, _) => format!("the {size} {}", names.join(" and ")),
-        (Side::Whole, _) => format!("all {size}"),
-        (Side::Random, _) => format!("random {size}"),
+/// A candidate in a table; which demonstrations it has, the sentence says.
+fn name(Candidate { names, side, size, .. }: &Candidate) -> String {
+    match side {
+        Side::Kept => format!("the {size} {}", names.join(" and ")),
+        Side::Whole => format!("all {size}"),
+        Side::Random => format!("random {size}"),
     }
 }
 
