@@ -210,16 +210,17 @@ fn what_the_referee_is_to_do_is_written_as_it_is_read() {
     }
 }
 
-/// Pools of trainings, one a pair, each drawn from a distribution of its own.
-fn pools(candidates: &[Candidate], draw: impl Fn(Side, Rule, &mut Rng) -> Score) -> Vec<Trained> {
+/// Pools of trainings, one a pair: the same scores for all, but for what a pair is better by.
+fn pools(candidates: &[Candidate], draw: Draw, better_by: impl Fn(Side, Rule) -> Score) -> Vec<Trained> {
     let mut rng = Seed::new(11).into_rng();
-    let pairs = IMITATORS.into_iter().flat_map(|rule| (0..candidates.len()).map(move |index| (index, rule)));
-    let of = |(candidate, imitator): (usize, Rule)| {
-        let side = candidates[candidate].side;
-        let scores: Vec<Score> = (0..4_000).map(|_| draw(side, imitator, &mut rng)).collect();
+    let drawn: Vec<Score> = (0..POOL).map(|_| draw(&mut rng)).collect();
+    let of = |candidate: usize, imitator: Rule| {
+        let better_by = better_by(candidates[candidate].side, imitator);
+        let scores: Vec<Score> = drawn.iter().map(|score| score + better_by).collect();
         Trained { candidate, imitator, trainings: scored(&scores, 0.0), dropped: false }
     };
-    pairs.map(of).collect()
+    let pairs = IMITATORS.into_iter().flat_map(|rule| (0..candidates.len()).map(move |index| (index, rule)));
+    pairs.map(|(candidate, imitator)| of(candidate, imitator)).collect()
 }
 
 fn normal(rng: &mut Rng) -> f64 {
@@ -236,6 +237,8 @@ const ALIKE: [(&str, Draw); 5] = [
     ("all or nothing, half", |rng| f64::from(rng.random_bool(0.5))),
     ("all or nothing, a fifth", |rng| f64::from(rng.random_bool(0.2))),
 ];
+
+const POOL: usize = 5000;
 
 const RESAMPLES: usize = 2000;
 
@@ -265,9 +268,8 @@ fn helps_is_said_wrongly_in_at_most_one_of_twenty() {
                     if how.gail == 0 && is_worse(Side::Whole, BehavioralCloning) {
                         continue;
                     }
-                    let pools = pools(&candidates, |side, rule, rng| {
-                        draw(rng) - if is_worse(side, rule) { HOPELESS } else { 0.0 }
-                    });
+                    let worse = |side, rule| if is_worse(side, rule) { -HOPELESS } else { 0.0 };
+                    let pools = pools(&candidates, draw, worse);
                     let found =
                         error_rates(&candidates, &pools, how, RESAMPLES, &Seed::new(5)).expect("pools");
                     let ErrorRate { rate, upper, .. } = found;
@@ -282,7 +284,7 @@ fn helps_is_said_wrongly_in_at_most_one_of_twenty() {
 #[test]
 fn a_clear_difference_is_found() {
     let candidates = field(&[named("kept", &[1, 2])]);
-    let better = pools(&candidates, |side, _, rng| normal(rng) + if side == Side::Kept { 3.0 } else { 0.0 });
+    let better = pools(&candidates, normal, |side, _| if side == Side::Kept { 3.0 } else { 0.0 });
     let mut before = 0.0;
     for (how, least) in [("cloning=3", 0.5), ("cloning=5", 0.9), ("cloning=10", 0.99)] {
         let found = error_rates(&candidates, &better, how.parse().expect("written"), 1000, &Seed::new(5));
