@@ -31,7 +31,7 @@ def oracle(folder, count):
     outcomes = []
     for demo in range(count):
         curves = [json.loads(path.read_text()) for path in sorted(folder.glob(f"learning_curve_oracle_{demo}_*.json"))]
-        outcomes.append(statistics.mean(curve["outcome"]["score"] for curve in curves))
+        outcomes.append(statistics.mean(curve["end"]["score"] for curve in curves))
     return outcomes
 
 

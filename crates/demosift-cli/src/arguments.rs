@@ -9,6 +9,7 @@ use clap_complete::Shell;
 use demosift::demonstration::source::Format;
 use demosift::method::Method;
 use demosift::preset::Preset;
+use demosift::referee::Refereeing;
 use demosift::select::Keep;
 
 use crate::examples;
@@ -44,10 +45,13 @@ pub(crate) enum Command {
     /// Let the demonstrations that help count more and more, and keep those that end up heavy (Algorithm 3 of the paper)
     #[command(after_help = examples::WEIGH)]
     Weigh(JobArguments),
-    /// Imitate from scratch: the kept demonstrations beside all of them, or those that you name
+    /// Train final policies on what was kept, on the whole set and on random subsets, several each: does selecting help?
+    #[command(after_help = examples::REFEREE)]
+    Referee(JobArguments),
+    /// Imitate from scratch, once: the kept demonstrations beside all of them, or those that you name
     #[command(after_help = examples::IMITATE)]
     Imitate(ImitateArguments),
-    /// Imitate each demonstration alone from scratch with the full budget: what a ranking is compared with
+    /// Imitate each demonstration alone from scratch with the full budget, scored at its end: what a ranking is compared with
     #[command(after_help = examples::ORACLE)]
     Oracle(OracleArguments),
     /// Find out which judge agrees best with the truth, over many sets and seeds
@@ -87,7 +91,8 @@ impl Command {
             | Self::MetaTrain(job)
             | Self::Judge(job)
             | Self::Select(job)
-            | Self::Weigh(job) => Some(&job.run),
+            | Self::Weigh(job)
+            | Self::Referee(job) => Some(&job.run),
             Self::Imitate(arguments) => Some(&arguments.job.run),
             Self::Oracle(arguments) => Some(&arguments.job.run),
             Self::Record(arguments) => Some(&arguments.run),
@@ -125,6 +130,11 @@ pub(crate) struct JobArguments {
     /// and the first whose repeats agree decides [default: both]
     #[arg(long, value_enum)]
     pub(crate) judge: Option<JudgesName>,
+    /// How many final policies are trained on what was kept, on the whole set and on random subsets, to say whether
+    /// selecting helps; an imitator with fewer than three decides nothing [default: as the preset says: cloning=5,gail=1,
+    /// cloning=10,gail=3, or cloning=10,gail=10]
+    #[arg(long, value_name = "cloning=N,gail=N|none")]
+    pub(crate) referee: Option<Refereeing>,
     /// How the agent of the paper's judge is prepared to imitate; all methods may spend the same environment steps
     /// [default: maml]
     #[arg(long, value_enum)]
@@ -423,6 +433,7 @@ impl ReportArguments {
             keep: None,
             variant: None,
             judge: None,
+            referee: None,
             method: None,
             preset: None,
             run,

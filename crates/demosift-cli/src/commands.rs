@@ -11,6 +11,7 @@ mod meta_train;
 mod oracle;
 mod play;
 mod record;
+mod referee;
 mod report;
 mod select;
 mod sift;
@@ -32,6 +33,7 @@ pub(crate) fn run(command: Command) -> Result<()> {
         Command::Judge(arguments) => judge::run(&arguments),
         Command::Select(arguments) => select::run(&arguments),
         Command::Weigh(arguments) => weigh::run(&arguments),
+        Command::Referee(arguments) => referee::run(&arguments),
         Command::Imitate(arguments) => imitate::run(&arguments),
         Command::Oracle(arguments) => oracle::run(&arguments),
         Command::Study(arguments) => study::run(&arguments),

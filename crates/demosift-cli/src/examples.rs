@@ -60,9 +60,16 @@ Examples:
   Find a subset by weights, from a run that has learned to imitate already:
     demosift weigh --out runs/throws --resume";
 
+pub(crate) const REFEREE: &str = "\
+Examples:
+  What to train on, of a run that has selected or will:
+    demosift referee --out runs/throws --resume
+  Only by cloning, which is quick, in a run of its own:
+    demosift referee data/free_throw_8 --task free_throw --referee cloning=10 --out runs/cloned";
+
 pub(crate) const IMITATE: &str = "\
 Examples:
-  Is the policy from the kept demonstrations better than that from all?
+  One policy from the kept demonstrations beside one from all:
     demosift imitate --out runs/throws --resume
   What would these three teach?
     demosift imitate --out runs/throws --resume --demonstration-ids 0,3,7";
@@ -102,10 +109,10 @@ pub(crate) const PLAY: &str = "\
 Examples:
   The worst and the best of a set, one a row of a contact sheet:
     demosift play --task free_throw --data data/free_throw_8 --demonstration 1,4 --sheet
-  A clip of what a run learned from the demonstrations that it kept:
-    demosift play --task free_throw --policy runs/throws/policy_subset.safetensors --clip
+  A clip of the best policy that a run found:
+    demosift play --task free_throw --policy runs/throws/policy_best.safetensors --clip
   How often does that policy succeed?
-    demosift play --task free_throw --policy runs/throws/policy_subset.safetensors --episodes 50";
+    demosift play --task free_throw --policy runs/throws/policy_best.safetensors --episodes 50";
 
 pub(crate) const INSPECT: &str = "\
 Examples:

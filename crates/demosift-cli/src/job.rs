@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use demosift::adapt::MetaPrior;
-use demosift::artifact::Artifact as _;
+use demosift::artifact::{Artifact as _, FORMAT_VERSION};
 use demosift::data_only::DataOnly;
 use demosift::demonstration::{self, DemonstrationSet};
 use demosift::experiment::{self, Config, Run};
@@ -77,6 +77,11 @@ impl Job {
             let Some(word) = word else { continue };
             let layer = Table::from_iter([(key.to_owned(), toml::Value::String(word))]);
             configuration::apply(&mut values, &Layer { source: option.to_owned(), values: layer })?;
+        }
+        if let Some(refereeing) = arguments.referee {
+            let layer = Table::try_from(refereeing).expect("two numbers are a table");
+            let layer = Table::from_iter([("referee".to_owned(), toml::Value::Table(layer))]);
+            configuration::apply(&mut values, &Layer { source: "--referee".to_owned(), values: layer })?;
         }
         let values = configuration::of_job(values);
         let config: Config = configuration::typed(values.clone())?;
@@ -264,6 +269,7 @@ impl Plan {
 fn identity(chosen: &Chosen, data: Option<Data>) -> Identity {
     Identity {
         demosift: env!("CARGO_PKG_VERSION").to_owned(),
+        format: FORMAT_VERSION,
         task: chosen.name.clone(),
         task_sha256: chosen.sha256.clone(),
         variant: chosen.variant.clone(),

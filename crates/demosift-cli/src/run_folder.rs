@@ -4,6 +4,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use demosift::artifact::FORMAT_VERSION;
 use demosift::demonstration::source::{Columns, Format};
 use demosift::ledger::Ledger;
 use demosift::{Error, Result, files};
@@ -22,6 +23,9 @@ pub(crate) const RESOLVED: &str = "resolved.toml";
 pub(crate) struct Identity {
     /// The version of demosift that began the run.
     pub(crate) demosift: String,
+    /// The format version of its files; runs of before there was a second do not say.
+    #[serde(default = "first_format")]
+    pub(crate) format: u32,
     /// The task, as `--task` takes it.
     pub(crate) task: String,
     /// Hash of the files of a task that does not come with demosift.
@@ -31,6 +35,10 @@ pub(crate) struct Identity {
     pub(crate) variant: Option<String>,
     /// The demonstrations; a recording has none.
     pub(crate) data: Option<Data>,
+}
+
+fn first_format() -> u32 {
+    1
 }
 
 /// The demonstrations of a run.
@@ -127,8 +135,20 @@ pub(crate) fn resolved(folder: &Path) -> Result<String> {
 
 fn read_identity(path: &Path) -> Result<Identity> {
     let bytes = fs::read(path).map_err(|error| Error::io("cannot read the run", path, &error))?;
-    serde_json::from_slice(&bytes)
-        .map_err(|error| Error::bad_input(format!("this is not the file of a run: {error}")).at(path))
+    let identity: Identity = serde_json::from_slice(&bytes)
+        .map_err(|error| Error::bad_input(format!("this is not the file of a run: {error}")).at(path))?;
+    if identity.format == FORMAT_VERSION {
+        return Ok(identity);
+    }
+    Err(Error::bad_input(format!(
+        "the run is of demosift {}, whose files have format version {}; this is demosift {}, which reads format version \
+         {FORMAT_VERSION}",
+        identity.demosift,
+        identity.format,
+        env!("CARGO_PKG_VERSION")
+    ))
+    .at(path)
+    .with_hint("run it anew with another folder for --out"))
 }
 
 /// Nouns and checkpoints as files of one folder.

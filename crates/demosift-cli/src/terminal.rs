@@ -155,6 +155,7 @@ fn what(stage: &str) -> String {
         "subset_selection" => "weighing demonstrations",
         "judge" => "judging demonstrations",
         "imitate" => "imitating from scratch",
+        "referee" => "training final policies",
         "demonstrator" => "training the demonstrator",
         "film" => "taking pictures",
         other => other,

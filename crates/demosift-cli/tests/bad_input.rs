@@ -338,6 +338,48 @@ fn a_run_folder_of_another_run() {
 }
 
 #[test]
+fn a_referee_that_is_none() {
+    let scratch = Scratch::new("referee-words");
+    for (typed, wanted) in [
+        (
+            "--referee ten",
+            "referee = ten, and must be none, or numbers of trainings such as cloning=10,gail=3",
+        ),
+        ("--referee cloning=3,trpo=2", "such as cloning=10,gail=3"),
+        ("--set referee.cloning=many", "referee.cloning = \"many\""),
+        ("--set referee.trpo=3", "in referee there are: cloning, gail"),
+    ] {
+        refuses(&scratch, &format!("sift set {TASK} {typed}"), &[wanted]);
+    }
+}
+
+#[test]
+fn a_run_folder_of_an_earlier_format() {
+    let scratch = Scratch::new("format");
+    scratch.succeed(&format!("judge set {TASK}"));
+    let file = scratch.0.join("run/run.json");
+    let text = std::fs::read_to_string(&file).unwrap();
+    let begun = text.find("  \"format\"").unwrap();
+    let end = begun + text[begun..].find('\n').unwrap() + 1;
+    let earlier = [&text[..begun], &text[end..]].concat().replace(env!("CARGO_PKG_VERSION"), "0.0.9");
+    std::fs::write(&file, earlier).unwrap();
+    let before = scratch.files("run");
+    for command in
+        ["sift --out run --resume", "report run", "export run --as json", "export run --as onnx --out models"]
+    {
+        let version = format!("this is demosift {}, which reads format version 2", env!("CARGO_PKG_VERSION"));
+        let wanted = [
+            "the run is of demosift 0.0.9, whose files have format version 1",
+            &version,
+            "run.json",
+            "hint: ",
+        ];
+        complaint(&scratch, command, &wanted);
+    }
+    assert!(before == scratch.files("run"), "nothing was touched");
+}
+
+#[test]
 fn a_folder_that_is_no_run() {
     let scratch = Scratch::new("no-run");
     let job = "sift set --task point_mass --config tiny.toml";

@@ -27,14 +27,17 @@ fn sift_ends_with_a_table_that_puts_good_demonstrations_first() {
         "kept",
         "mutual information",
         "Spearman",
-        "the 2 kept (",
+        "the 2 kept",
         "all 4",
+        "random 2",
+        "train on this",
+        "final policies, several each",
         "success",
         "Run folder: run",
     ] {
         assert!(said.contains(wanted), "{said}");
     }
-    assert!(said.contains("electing"), "{said}");
+    assert!(said.contains("train on "), "{said}");
     let files = scratch.files("run");
     for name in [
         "resolved.toml",
@@ -46,15 +49,41 @@ fn sift_ends_with_a_table_that_puts_good_demonstrations_first() {
         "uncertainty.json",
         "subset.json",
         "data_only.json",
-        "policy_subset.safetensors",
-        "policy_subset.onnx",
-        "policy_all.safetensors",
-        "policy_all.onnx",
+        "verdict.json",
+        "spent_referee.json",
+        "policy_best.safetensors",
+        "policy_best.onnx",
+        "policy_referee_kept_cloning_2.safetensors",
+        "learning_curve_referee_all_gail_0.json",
         "report.html",
     ] {
         assert!(files.contains_key(name), "{name}");
     }
     assert!(!files.keys().any(|name| name.starts_with("checkpoint")), "{:?}", files.keys());
+}
+
+#[test]
+fn the_referee_says_what_it_was_asked() {
+    let scratch = Scratch::new("referee");
+    let said = scratch.succeed(&format!("referee set {TASK} --referee cloning=4 --out run"));
+    for wanted in ["policies from", "trainings", "95 % interval", "by cloning", "Run folder: run"] {
+        assert!(said.contains(wanted), "{said}");
+    }
+    assert!(!said.contains("GAIL") && said.lines().all(|line| line.chars().count() <= 100), "{said}");
+    assert_eq!(scratch.succeed("referee --out run --resume"), said);
+    let none = scratch.succeed(&format!("sift set {TASK} --referee none --out none"));
+    assert!(none.contains("No policy was trained"), "{none}");
+    assert!(!scratch.files("none").keys().any(|name| name.starts_with("policy_")));
+    let all = scratch.succeed(&format!("sift set {TASK} --keep 4 --out all")).replace('\n', " ");
+    assert!(
+        all.contains("All demonstrations were kept, so there is nothing to compare: train on all 4"),
+        "{all}"
+    );
+    assert!(scratch.files("all").contains_key("policy_best.onnx"));
+    let once = scratch.succeed("imitate --out run --resume").replace('\n', " ");
+    assert!(once.contains("That is one training each"), "{once}");
+    let free = scratch.succeed("sift --out run --resume --dry-run");
+    assert!(free.contains("Nothing is left to do"), "{free}");
 }
 
 #[test]
@@ -71,7 +100,7 @@ fn one_arrow_after_another_is_the_whole_job() {
     let scratch = Scratch::new("arrows");
     let whole = scratch.succeed(&format!("sift set {TASK} --keep 2 --out whole"));
     scratch.succeed(&format!("meta-train set {TASK} --keep 2 --out steps"));
-    for stage in ["judge", "select", "imitate"] {
+    for stage in ["judge", "select", "referee"] {
         scratch.succeed(&format!("{stage} --out steps --resume"));
     }
     scratch.succeed("report steps");
@@ -92,7 +121,9 @@ fn a_run_that_was_killed_resumes_to_the_identical_result() {
     // Long enough that the kill comes between two checkpoints of each stage.
     let job = format!("sift set {TASK} --set meta_train.rounds=30 --set imitate.environment_steps=30000");
     scratch.succeed(&format!("{job} --out whole"));
-    for checkpoint in ["checkpoint_meta_train.bin", "checkpoint_judge.bin", "checkpoint_imitate_subset.bin"] {
+    for checkpoint in
+        ["checkpoint_meta_train.bin", "checkpoint_judge.bin", "learning_curve_referee_all_cloning_1.json"]
+    {
         kill_after(
             &scratch,
             &format!("{job} --out killed --resume"),
@@ -112,7 +143,7 @@ fn a_run_that_was_interrupted_says_how_it_goes_on_to_the_identical_result() {
     for (signal, code, checkpoint) in [
         ("INT", 130, "checkpoint_meta_train.bin"),
         ("TERM", 143, "checkpoint_judge.bin"),
-        ("INT", 130, "checkpoint_imitate_all.bin"),
+        ("INT", 130, "learning_curve_referee_random_1_cloning_0.json"),
     ] {
         let mut child = started(&scratch, &typed, &scratch.0.join("stopped").join(checkpoint));
         let killed = Command::new("sh").args(["-c", &format!("kill -{signal} {}", child.id())]).status();
@@ -165,8 +196,20 @@ fn results_as_json() {
     assert!(value["caveat"].is_null() && doubts["too_narrow"] == false, "two repeats have no caveat");
     let columns = value["data_only"].as_array().unwrap();
     assert!(columns.iter().all(|column| column["scores"].as_array().unwrap().len() == 4));
-    assert!(value["gain"]["low"].as_f64().unwrap() <= value["gain"]["high"].as_f64().unwrap());
-    assert!(value["from_subset"]["score"].is_f64() && value["from_all"]["environment_steps"].is_u64());
+    let verdict = &value["verdict"];
+    let difference = &verdict["difference"];
+    assert!(difference["low"].as_f64().unwrap() <= difference["high"].as_f64().unwrap());
+    assert!(
+        verdict["conclusion"].is_string() && verdict["sentence"].as_str().unwrap().ends_with('.'),
+        "{said}"
+    );
+    let pairs = verdict["pairs"].as_array().unwrap();
+    let trainings: Vec<usize> =
+        pairs.iter().map(|pair| pair["trainings"].as_array().unwrap().len()).collect();
+    assert_eq!(trainings, [3, 3, 3, 1, 1], "the kept, all and random ones by cloning, two by GAIL");
+    let once = scratch.succeed("imitate --out run --resume --json");
+    let once: serde_json::Value = serde_json::from_str(&once).unwrap();
+    assert!(once["from_subset"]["end"].is_null() && once["gain"]["low"].is_f64(), "{once}");
     let said = scratch.succeed("tasks --json");
     assert!(serde_json::from_str::<Vec<String>>(&said).unwrap().contains(&"point_mass".to_owned()));
 }
@@ -222,7 +265,7 @@ fn the_oracle_tells_every_agreement_and_goes_on_with_more_repeats() {
 #[test]
 fn the_kept_are_compared_with_random_subsets_and_the_best_alone() {
     let scratch = Scratch::new("oracle-random");
-    scratch.succeed(&format!("sift set {TASK} --out run"));
+    scratch.succeed(&format!("imitate set {TASK} --out run"));
     let said = scratch.succeed("oracle --out run --resume --repeats 1 --random 2 --json");
     let value: serde_json::Value = serde_json::from_str(&said).unwrap();
     let kept = &value["kept"];
@@ -386,10 +429,10 @@ fn a_dry_run_counts_what_is_then_played_and_touches_nothing() {
     let before = scratch.files("run");
     let rest = json("sift --out run --resume --dry-run --json");
     assert_eq!(steps(&rest), &steps(&whole)[2..], "what is judged is not judged again");
-    let alone = json("oracle --out run --resume --repeats 2 --dry-run --json");
-    assert_eq!(steps(&alone)[0].1, 8 * steps(&whole)[2].1);
     let named = json("imitate --out run --resume --demonstration-ids 1,0 --dry-run --json");
-    assert_eq!(steps(&named)[0], ("imitate_demonstrations_0_1".to_owned(), steps(&whole)[2].1));
+    assert_eq!(steps(&named)[0].0, "imitate_demonstrations_0_1");
+    let alone = json("oracle --out run --resume --repeats 2 --dry-run --json");
+    assert_eq!(steps(&alone)[0].1, 8 * steps(&named)[0].1);
     assert_same_files(&before, &scratch.files("run"));
 
     scratch.succeed("sift --out run --resume");

@@ -160,7 +160,7 @@ fn a_set_is_sifted_for_one_of_the_goals() {
     assert!(scratch.succeed("export run --as csv").contains("task penalty_save, variant high_left, seed"));
     assert!(scratch.succeed("export run --as json").contains("\"variant\": \"high_left\""));
 
-    let play = "play --task penalty_save --policy run/policy_subset.safetensors --json";
+    let play = "play --task penalty_save --policy run/policy_best.safetensors --json";
     assert_eq!(scratch.succeed(play), scratch.succeed(&format!("{play} --variant high_left")));
     assert_ne!(scratch.succeed(play), scratch.succeed(&format!("{play} --variant low_left")));
 

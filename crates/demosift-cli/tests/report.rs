@@ -105,7 +105,7 @@ fn the_page_of_a_task_without_a_model_says_so_and_shows_the_rest() {
     assert_eq!(seen["errors"], Value::Array(vec![]), "{seen}");
     assert_eq!((&seen["rows"], &seen["images"]), (&Value::from(4), &Value::from(0)), "{seen}");
     let sections =
-        ["ranking", "replay", "learning", "adaptation", "weights", "opinions", "costs", "configuration"];
+        ["verdict", "ranking", "replay", "adaptation", "weights", "opinions", "costs", "configuration"];
     assert_eq!(seen["sections"], Value::from(sections.to_vec()));
 }
 

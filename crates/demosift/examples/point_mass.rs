@@ -28,7 +28,6 @@ fn main() -> demosift::Result<()> {
     for entry in &sifted.selection.ranking.entries {
         println!("bearing {:5} gains {:+.2} m", bearings[entry.demo.0], entry.score);
     }
-    println!("imitating the subset scores {:.2} m", sifted.from_subset.outcome.score);
-    println!("imitating the whole set scores {:.2} m", sifted.from_all.outcome.score);
+    println!("{}", sifted.verdict.sentence);
     Ok(())
 }

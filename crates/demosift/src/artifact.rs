@@ -25,12 +25,18 @@ use crate::observation_filter::ObservationFilter;
 use crate::observer::Snapshot;
 use crate::panel::Panel;
 use crate::policy::Policy;
+use crate::referee::Verdict;
 use crate::select::{Ranking, Subset};
 use crate::subset_selection::Weighing;
 use crate::uncertainty::Uncertainty;
 
-/// Changes when a file of this version could no longer be read.
-const FORMAT_VERSION: u32 = 1;
+/// Changes when a file of this version could no longer be read; 2 since a learning curve has an end and what it played.
+///
+/// It is the version of JSON and of checkpoints, and so of a run folder.
+pub const FORMAT_VERSION: u32 = 2;
+
+/// The same for tensors, whose layout has not changed, so that policies of earlier runs can still be played.
+const TENSORS_VERSION: u32 = 1;
 
 /// Under which key a safetensors file holds that version.
 const VERSION_KEY: &str = "demosift_format";
@@ -48,7 +54,7 @@ fn recall_json<T: DeserializeOwned>(ledger: &dyn Ledger, name: &str) -> Result<O
     let Some(bytes) = ledger.recall(name)? else { return Ok(None) };
     let versioned: Versioned<T> = serde_json::from_slice(&bytes)
         .map_err(|error| Error::bad_input(format!("{name} cannot be read: {error}")))?;
-    check_version(versioned.version, name)?;
+    check_version(versioned.version, FORMAT_VERSION, name)?;
     Ok(Some(versioned.content))
 }
 
@@ -66,13 +72,11 @@ struct Versioned<T> {
     content: T,
 }
 
-fn check_version(found: u32, name: &str) -> Result<()> {
-    if found == FORMAT_VERSION {
+fn check_version(found: u32, read: u32, name: &str) -> Result<()> {
+    if found == read {
         return Ok(());
     }
-    Err(Error::bad_input(format!(
-        "{name} has format version {found}; this demosift reads version {FORMAT_VERSION}"
-    )))
+    Err(Error::bad_input(format!("{name} has format version {found}; this demosift reads version {read}")))
 }
 
 macro_rules! json_artifact {
@@ -95,7 +99,8 @@ json_artifact!(
     Subset => "subset.json",
     DataOnly => "data_only.json",
     Weighing => "weights.json",
-    Panel => "panel.json"
+    Panel => "panel.json",
+    Verdict => "verdict.json"
 );
 
 /// What a stage spent; the part is its name.
@@ -187,12 +192,15 @@ struct CurveFile {
     demos: Vec<DemoId>,
     points: Vec<CurvePoint>,
     outcome: CurvePoint,
+    end: CurvePoint,
+    played: u64,
 }
 
 impl Artifact for LearningCurve {
     fn keep(&self, ledger: &mut dyn Ledger, part: &str) -> Result<()> {
-        let Self { demos, points, outcome, best } = self;
-        let file = CurveFile { demos: demos.clone(), points: points.clone(), outcome: *outcome };
+        let Self { demos, points, outcome, end, played, best } = self;
+        let (demos, points) = (demos.clone(), points.clone());
+        let file = CurveFile { demos, points, outcome: *outcome, end: *end, played: *played };
         ledger.keep(&format!("policy_{part}.safetensors"), &write_policy(best))?;
         keep_json(ledger, &format!("learning_curve_{part}.json"), &file)
     }
@@ -202,7 +210,8 @@ impl Artifact for LearningCurve {
         let file: Option<CurveFile> = recall_json(ledger, &format!("learning_curve_{part}.json"))?;
         let (Some(file), Some(bytes)) = (file, ledger.recall(&name)?) else { return Ok(None) };
         let best = Tensors::read(&bytes, &name)?.policy(POLICY)?;
-        Ok(Some(Self { demos: file.demos, points: file.points, outcome: file.outcome, best }))
+        let CurveFile { demos, points, outcome, end, played } = file;
+        Ok(Some(Self { demos, points, outcome, end, played, best }))
     }
 }
 
@@ -252,7 +261,7 @@ fn read_binary<T: DeserializeOwned>(bytes: &[u8], name: &str) -> Result<T> {
     let (version, state) = bytes
         .split_first_chunk()
         .ok_or_else(|| Error::bad_input(format!("{name} is cut short: {} bytes", bytes.len())))?;
-    check_version(u32::from_le_bytes(*version), name)?;
+    check_version(u32::from_le_bytes(*version), FORMAT_VERSION, name)?;
     postcard::from_bytes(state).map_err(|error| Error::bad_input(format!("{name} cannot be read: {error}")))
 }
 
@@ -307,7 +316,7 @@ fn write_tensors(tensors: &[Tensor]) -> Vec<u8> {
         (tensor.name.clone(), view)
     });
     // One entry only: a map of several would be written in an order of its own each time.
-    let metadata = [(VERSION_KEY.to_owned(), FORMAT_VERSION.to_string())].into();
+    let metadata = [(VERSION_KEY.to_owned(), TENSORS_VERSION.to_string())].into();
     safetensors::serialize(views, Some(metadata)).expect("names are unique and views are whole")
 }
 
@@ -323,7 +332,7 @@ impl<'a> Tensors<'a> {
         let (_, header) = SafeTensors::read_metadata(bytes).expect("read just now");
         let version = header.metadata().as_ref().and_then(|metadata| metadata.get(VERSION_KEY));
         match version.map(|version| version.parse()) {
-            Some(Ok(version)) => check_version(version, name)?,
+            Some(Ok(version)) => check_version(version, TENSORS_VERSION, name)?,
             _ => {
                 return Err(Error::bad_input(format!(
                     "{name} says no {VERSION_KEY} in its metadata, so it was not written by demosift"
@@ -549,7 +558,7 @@ mod tests {
         assert!(read_checkpoint::<Vec<u32>>(&checkpoint[..5], "x").expect_err("short").hint().is_some());
         checkpoint[0] = 9;
         let error = read_checkpoint::<Vec<u32>>(&checkpoint, "x").expect_err("newer");
-        assert_eq!(error.to_string(), "x has format version 9; this demosift reads version 1");
+        assert_eq!(error.to_string(), "x has format version 9; this demosift reads version 2");
     }
 
     #[test]
@@ -561,7 +570,7 @@ mod tests {
         assert_eq!(Ranking::recall(&ledger, "").expect("nothing is no error"), None);
         ranking.keep(&mut ledger, "").expect("memory");
         assert_eq!(Ranking::recall(&ledger, "").expect("readable"), Some(ranking));
-        for bad in ["", "{", "{\"version\": 1}", "{\"version\": 2, \"entries\": []}", "[1]"] {
+        for bad in ["", "{", "{\"version\": 2}", "{\"version\": 1, \"entries\": []}", "[1]"] {
             ledger.keep("ranking.json", bad.as_bytes()).expect("memory");
             let error = Ranking::recall(&ledger, "").expect_err("bad");
             assert!(error.is_bad_input() && error.to_string().contains("ranking.json"), "{error}");

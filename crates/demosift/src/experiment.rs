@@ -42,6 +42,7 @@
 mod checks;
 mod judging;
 mod keeping;
+mod verdict;
 
 use serde::{Deserialize, Serialize};
 
@@ -56,10 +57,10 @@ use crate::judge::{self, Judging};
 use crate::ledger::Ledger;
 use crate::meta_train::{MetaTraining, MutualInformation};
 use crate::method::{Costs, Method, Spent};
-use crate::metrics::{self, Gain};
 use crate::observer::Observer;
 use crate::panel::{Judge, Judges, Opinion, Panel};
 use crate::policy::PolicyShape;
+use crate::referee::{self, KEPT, NamedSubset, Refereeing, Verdict};
 use crate::rollout::Playground;
 use crate::seed::Seed;
 use crate::select::{self, Keep, Ranking, Subset};
@@ -73,6 +74,8 @@ pub use judging::{
 pub(crate) use judging::{cloning_update, information, learning_seed};
 pub use keeping::Keeping;
 pub(crate) use keeping::{begun, stage_name};
+pub(crate) use verdict::rest as rest_of_verdict;
+pub use verdict::{BEST, verdict};
 
 /// Everything that a run depends on, besides the demonstrations and the task.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -102,6 +105,8 @@ pub struct Config {
     pub subset_selection: SubsetSelection,
     /// Imitation from scratch.
     pub imitate: Imitation,
+    /// How often final policies are trained to say whether selecting helps.
+    pub referee: Refereeing,
 }
 
 /// How demonstrations are judged by behavioral cloning from scratch.
@@ -137,12 +142,8 @@ pub struct Sifted {
     pub selection: Selection,
     /// What scorers of the recorded data alone say; beside the ranking, never in it.
     pub data_only: DataOnly,
-    /// Imitation from scratch of the subset.
-    pub from_subset: LearningCurve,
-    /// Imitation from scratch of the whole set, with as many environment steps.
-    pub from_all: LearningCurve,
-    /// How much better the policy from the subset is.
-    pub gain: Gain,
+    /// What to train on, by which imitator, and whether selecting helps.
+    pub verdict: Verdict,
 }
 
 /// What is concluded from the judges' scores.
@@ -162,10 +163,8 @@ pub fn sift(run: &mut Run<'_>) -> Result<Sifted> {
     let panel = panel(run)?;
     let data_only = data_only(run)?;
     let selection = selection(run, &panel)?;
-    let from_subset = learning_curve(run, "subset", &selection.subset.demos)?;
-    let from_all = learning_curve(run, "all", &run.set.ids())?;
-    let gain = metrics::gain(&from_subset.outcome, &from_all.outcome);
-    Ok(Sifted { panel, selection, data_only, from_subset, from_all, gain })
+    let verdict = verdict(run, &worth_training_on(run, &panel, &selection)?)?;
+    Ok(Sifted { panel, selection, data_only, verdict })
 }
 
 /// The random numbers of the selection by weights.
@@ -206,7 +205,8 @@ pub fn costs(run: &Run<'_>) -> Result<Costs> {
         [cloning].into_iter().chain(before).chain([judging.clone(), subset_selection::STAGE.to_owned()]);
     let imitations = ["subset", "all"].map(|part| stage_name(imitate::STAGE, part));
     let recall = |stage: String| Ok(Spent::recall(run.ledger, &stage)?.map(|spent| (stage, spent)));
-    let spent = stages.chain(imitations).filter_map(|stage| recall(stage).transpose());
+    let stages = stages.chain(imitations).chain([referee::STAGE.to_owned()]);
+    let spent = stages.filter_map(|stage| recall(stage).transpose());
     Ok(Costs { method, plan: plan(run), judging, spent: spent.collect::<Result<_>>()? })
 }
 
@@ -228,12 +228,42 @@ pub(crate) fn cut(run: &Run<'_>) -> usize {
     }
 }
 
+/// The name of what the selection by weights kept.
+const BY_WEIGHTS: &str = "kept by weights";
+/// The name of what `--keep auto` would keep.
+const SURELY_HELPS: &str = "that surely help";
+
+/// What final policies could be trained on: what each judge keeps, and what by the one that decides surely helps.
+pub fn worth_training_on(run: &Run<'_>, panel: &Panel, selection: &Selection) -> Result<Vec<NamedSubset>> {
+    let kept_by = |judge: Judge| match (run.config.keep, panel.opinions.len()) {
+        (Keep::Weights, _) => BY_WEIGHTS.to_owned(),
+        (_, 1) => KEPT.to_owned(),
+        _ => format!("{KEPT} by {judge}"),
+    };
+    let mut subsets = vec![NamedSubset::new(&kept_by(panel.decides), &selection.subset.demos)];
+    for opinion in panel.others().filter(|_| run.config.keep != Keep::Weights) {
+        subsets.push(NamedSubset::new(&kept_by(opinion.judge), &kept(run, opinion)?.demos));
+    }
+    let surely = panel.deciding().uncertainty.surely_helpful();
+    if run.config.keep != Keep::Auto && !surely.is_empty() {
+        subsets.push(NamedSubset::new(SURELY_HELPS, &surely));
+    }
+    Ok(subsets)
+}
+
+/// What a judge would keep, where not weights decide.
+fn kept(run: &Run<'_>, opinion: &Opinion) -> Result<Subset> {
+    match run.config.keep {
+        Keep::Auto => Ok(Subset { demos: opinion.uncertainty.worth_keeping() }),
+        _ => select::top_k(&opinion.ranking, cut(run)),
+    }
+}
+
 /// Panel → Ranking, Uncertainty, Subset: what the judge that decides would keep.
 pub fn selection(run: &mut Run<'_>, panel: &Panel) -> Result<Selection> {
     let Opinion { ranking, uncertainty, .. } = panel.deciding().clone();
     let subset = match run.config.keep {
-        Keep::Quarter | Keep::Count(_) => select::top_k(&ranking, cut(run))?,
-        Keep::Auto => Subset { demos: uncertainty.worth_keeping() },
+        Keep::Quarter | Keep::Count(_) | Keep::Auto => kept(run, panel.deciding())?,
         Keep::Weights => {
             let prior = prior(run)?;
             Subset { demos: weighing(run, &prior)?.demos }

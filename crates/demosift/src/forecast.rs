@@ -21,6 +21,7 @@ use crate::meta_train::{self, MetaState, MetaTraining};
 use crate::observer::Silent;
 use crate::panel::Judge;
 use crate::policy::Policy;
+use crate::referee::imitation_by;
 use crate::rollout::{self, Acting, Playground};
 use crate::rows::Rows;
 use crate::seed::Seed;
@@ -138,9 +139,12 @@ impl Probe<'_, '_> {
                 self.updates_at_once(&experiment::cloning_update(config), &seed, clock)
             }
             Piece::Inner { judge: Judge::Paper } => self.updates_at_once(&config.inner, &seed, clock),
-            Piece::PreTraining { demonstrations } => self.update(&config.inner, demonstrations, &seed, clock),
-            Piece::Imitation { demonstrations } => {
-                self.update(&config.imitate.update, demonstrations, &seed, clock)
+            Piece::PreTraining { demonstrations } => {
+                self.update(&config.inner, (1, demonstrations), &seed, clock)
+            }
+            Piece::Imitation { rule, at_once, demonstrations } => {
+                let update = imitation_by(rule, &config.imitate).update;
+                self.update(&update, (at_once, demonstrations), &seed, clock)
             }
             Piece::Evaluation { episodes } => {
                 playing_seconds(self.run.playground, &self.untrained(&seed).policy, episodes, &seed, clock)
@@ -170,26 +174,23 @@ impl Probe<'_, '_> {
 
     /// Updates toward one demonstration each, spread over the threads as judging does.
     fn updates_at_once(&self, inner: &InnerUpdate, seed: &Seed, clock: Clock<'_>) -> Result<f64> {
-        let (learner, demonstrated) = (self.untrained(seed), self.demonstrated(seed, 1));
         let at_once = UPDATES_PER_THREAD * rayon::current_num_threads();
-        let playground = self.run.playground;
-        seconds_per_unit(clock, || {
-            let adapt = |number| adapted(playground, &learner, &demonstrated, (inner, &seed.at(number)));
-            (0..at_once).into_par_iter().try_for_each(adapt)?;
-            Ok(at_once as f64)
-        })
+        Ok(self.update(inner, (at_once, 1), seed, clock)? / at_once as f64)
     }
 
+    /// So many updates at once, each toward so many demonstrations.
     fn update(
         &self,
         inner: &InnerUpdate,
-        demonstrations: usize,
+        (at_once, demonstrations): (usize, usize),
         seed: &Seed,
         clock: Clock<'_>,
     ) -> Result<f64> {
         let (learner, demonstrated) = (self.untrained(seed), self.demonstrated(seed, demonstrations));
+        let playground = self.run.playground;
         seconds_per_unit(clock, || {
-            adapted(self.run.playground, &learner, &demonstrated, (inner, seed))?;
+            let adapt = |number| adapted(playground, &learner, &demonstrated, (inner, &seed.at(number)));
+            (0..at_once).into_par_iter().try_for_each(adapt)?;
             Ok(1.0)
         })
     }

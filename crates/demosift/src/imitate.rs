@@ -3,6 +3,8 @@
 //!
 //! This is how a selection proves itself, and on one demonstration alone with the full budget it is the oracle that
 //! rankings are compared with.
+//! The best point of a curve chooses which policy is kept.
+//! What a demonstration teaches is scored at the end of the curve, which no luck chose.
 
 use serde::{Deserialize, Serialize};
 
@@ -52,8 +54,19 @@ pub struct LearningCurve {
     pub points: Vec<CurvePoint>,
     /// The best policy on episodes that did not choose it.
     pub outcome: CurvePoint,
+    /// The last policy on the same episodes: where learning led, with nothing chosen.
+    pub end: CurvePoint,
+    /// Environment steps of the whole imitation, evaluations among them.
+    pub played: u64,
     /// The policy with the best score among the points.
     pub best: Policy,
+}
+
+impl LearningCurve {
+    /// The point that chose the policy: the best, the first of equals; `None` where the curve has none.
+    pub fn best_point(&self) -> Option<&CurvePoint> {
+        self.points.iter().rev().max_by(|a, b| a.score.total_cmp(&b.score))
+    }
 }
 
 /// One evaluation.
@@ -70,6 +83,9 @@ pub struct CurvePoint {
     pub standard_error: f64,
     /// Share of episodes that reached the goal, where the task says.
     pub success: Option<f64>,
+    /// Mean true return, where the task says; for reports only, and nothing chooses by it.
+    #[serde(default)]
+    pub true_return: Option<f64>,
 }
 
 /// Where an imitation stands; from here it goes on to the identical result.
@@ -78,6 +94,8 @@ pub struct ImitationState {
     demos: Vec<DemoId>,
     updates: usize,
     environment_steps: usize,
+    /// Environment steps of evaluations so far.
+    evaluated: u64,
     learner: Learner,
     adam: Adam,
     points: Vec<CurvePoint>,
@@ -100,6 +118,7 @@ impl ImitationState {
             demos: demos.to_vec(),
             updates: 0,
             environment_steps: 0,
+            evaluated: 0,
             adam: imitation.update.adam(&learner),
             points: Vec::new(),
             best: learner.policy.clone(),
@@ -140,8 +159,9 @@ pub fn updates(task: &Specification, imitation: &Imitation) -> usize {
 /// Environment steps that an imitation takes, evaluations among them, where episodes last to the horizon.
 pub fn steps(task: &Specification, imitation: &Imitation) -> u64 {
     let updates = updates(task, imitation);
-    // Besides those on the way, one at the end, and one of the best policy.
-    let evaluations = updates.div_ceil(imitation.evaluate_every.max(1)) + 2;
+    // Besides those on the way one at the end, and of the best and the last policy one each on other episodes; both are
+    // played even where they are the same policy, so that this count is exact.
+    let evaluations = updates.div_ceil(imitation.evaluate_every.max(1)) + 3;
     let evaluating = evaluations * imitation.evaluations * task.variants.len();
     let learning = updates * imitation.update.episodes(task.horizon);
     ((learning + evaluating) * task.horizon) as u64
@@ -212,8 +232,12 @@ pub fn imitate(
         }
     }
     evaluate(&mut state, playground, imitation, (seed, part, observer))?;
-    let outcome = point(&state, &state.best, playground, imitation, &seed.of("outcome"))?;
-    Ok(LearningCurve { demos, points: state.points, outcome, best: state.best })
+    let outcome_seed = seed.of("outcome");
+    let (best, last) = (state.best.clone(), state.learner.policy.clone());
+    let outcome = point(&mut state, &best, playground, imitation, &outcome_seed)?;
+    let end = point(&mut state, &last, playground, imitation, &outcome_seed)?;
+    let played = state.environment_steps as u64 + state.evaluated;
+    Ok(LearningCurve { demos, points: state.points, outcome, end, played, best })
 }
 
 /// Plays and makes one update; variants take turns.
@@ -257,10 +281,11 @@ fn evaluate(
     imitation: &Imitation,
     (seed, part, observer): (&Seed, &str, &mut dyn Observer),
 ) -> Result<()> {
-    let found = point(state, &state.learner.policy, playground, imitation, &seed.of("evaluate"))?;
+    let policy = state.learner.policy.clone();
+    let found = point(state, &policy, playground, imitation, &seed.of("evaluate"))?;
     let best = state.points.iter().map(|point| point.score).fold(f64::NEG_INFINITY, f64::max);
     if found.score > best {
-        state.best = state.learner.policy.clone();
+        state.best = policy;
     }
     state.points.push(found);
     observer.on(Event::Measured {
@@ -278,7 +303,7 @@ fn evaluate(
 
 /// Mean heuristic and success of a policy, over all variants.
 fn point(
-    state: &ImitationState,
+    state: &mut ImitationState,
     policy: &Policy,
     playground: &Playground<'_>,
     imitation: &Imitation,
@@ -289,6 +314,7 @@ fn point(
         let seeds = seed.at(variant.0).many(imitation.evaluations);
         trajectories.extend(rollout::play(playground, policy, imitation.acting, variant, seeds)?);
     }
+    state.evaluated += trajectories.iter().map(Trajectory::steps).sum::<usize>() as u64;
     let scores: Vec<Score> = trajectories.iter().map(|played| playground.score(played)).collect();
     let count = scores.len() as f64;
     let score = scores.iter().sum::<f64>() / count;
@@ -299,5 +325,6 @@ fn point(
         score,
         standard_error: (squared_deviation / (count - 1.0).max(1.0) / count).sqrt(),
         success: playground.success_rate(&trajectories),
+        true_return: playground.mean_true_return(&trajectories),
     })
 }

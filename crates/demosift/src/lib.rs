@@ -34,8 +34,9 @@
 //! let mut kept: Vec<usize> = sifted.selection.subset.demos.iter().map(|demo| demo.0).collect();
 //! kept.sort();
 //! assert_eq!(kept, [1, 3]);
-//! // The policy that learned from them comes nearer to the goal than the one that learned from all.
-//! assert!(sifted.from_subset.outcome.score > sifted.from_all.outcome.score);
+//! // Policies that learned from them surely come nearer to the goal than those that learned from all.
+//! let difference = sifted.verdict.difference.expect("both were trained several times");
+//! assert!(difference.low > 0.0, "{}", sifted.verdict.sentence);
 //! # Ok::<(), demosift::Error>(())
 //! ```
 //!
@@ -74,6 +75,7 @@ pub mod pre_train;
 pub mod preset;
 mod protobuf;
 pub mod recording;
+pub mod referee;
 pub mod report;
 pub mod rollout;
 pub mod rows;

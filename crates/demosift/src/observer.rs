@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// Receives a run's progress; called from one thread at a time, in order.
+/// Receives a run's progress; called by one thread at a time.
 pub trait Observer: Send {
     /// One thing happened.
     fn on(&mut self, event: Event<'_>);

@@ -12,6 +12,7 @@ use crate::method::Method;
 use crate::mutual_information::{Credit, Paid, PosteriorFitting};
 use crate::panel::Judges;
 use crate::policy::PolicyShape;
+use crate::referee::Refereeing;
 use crate::rollout::Acting;
 use crate::select::Keep;
 use crate::subset_selection::SubsetSelection;
@@ -122,6 +123,8 @@ impl Preset {
                 acting: Acting::Mean,
                 checkpoint_every: 10,
             },
+            // By cloning they cost little; of GAIL, which is dear, quick shows one and decides nothing by it.
+            referee: Refereeing { cloning: self.by(5, 10, 10), gail: self.by(1, 3, 10) },
         }
     }
 

@@ -23,6 +23,7 @@ use crate::ledger::Ledger;
 use crate::method::Costs;
 use crate::metrics::{self, Gain};
 use crate::panel::{self, Disagreement, Judge, Panel, Vote};
+use crate::referee::Verdict;
 use crate::select::{self, Keep, Ranking, Subset};
 use crate::subset_selection::{Weighing, WeighingEnd};
 
@@ -91,7 +92,9 @@ pub struct Report {
     pub curves: Vec<AdaptationCurve>,
     /// What the recordings alone say.
     pub opinions: Vec<Opinion>,
-    /// The policy from the kept demonstrations beside the one from all, where both were trained.
+    /// What the referee says, where it was asked.
+    pub verdict: Option<Verdict>,
+    /// The policy from the kept demonstrations beside the one from all, by one training each, where both were trained.
     pub learning: Option<Learning>,
     /// How the weights went (Algorithm 3), where they were asked for.
     pub weights: Option<WeightTrends>,
@@ -273,6 +276,7 @@ pub fn report(sources: &Sources<'_>) -> Result<Report> {
         adapted_behaviors_distance: scores.adapted_behaviors_distance(),
         curves: curves(sources)?,
         opinions: opinions(ranking, sources.opinions),
+        verdict: Verdict::recall(ledger, "")?,
         learning: learning(ledger, set)?,
         weights: Weighing::recall(ledger, "")?.map(trends),
         costs: played(sources.costs),

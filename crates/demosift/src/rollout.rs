@@ -61,6 +61,13 @@ impl<'t> Playground<'t> {
         })
     }
 
+    /// Mean true return of the episodes; `None` where the task does not say. For reports only.
+    pub fn mean_true_return(&self, trajectories: &[Trajectory]) -> Option<f64> {
+        let returns: Option<Vec<f64>> =
+            trajectories.iter().map(|played| self.task.true_return(played.measurements())).collect();
+        returns.map(|returns| returns.iter().sum::<f64>() / returns.len().max(1) as f64)
+    }
+
     /// Environment steps taken here so far.
     pub fn steps_taken(&self) -> u64 {
         self.steps.load(Ordering::Relaxed)

@@ -118,13 +118,21 @@ impl Uncertainty {
     /// which can rule out little, it keeps more rather than fewer.
     /// Where nothing surely makes the agent better, the second half decides alone.
     pub fn worth_keeping(&self) -> Vec<DemoId> {
-        let near = |doubt: &&Doubt| doubt.near_best > 1.0 - self.level;
-        let improves = |doubt: &&Doubt| doubt.improves >= self.level;
         let of = |doubts: Vec<&Doubt>| doubts.into_iter().map(|doubt| doubt.demo).collect::<Vec<_>>();
-        let both = of(self.demonstrations.iter().filter(near).filter(improves).collect());
-        let near = of(self.demonstrations.iter().filter(near).collect());
+        let near = of(self.demonstrations.iter().filter(|doubt| self.may_be_near_the_best(doubt)).collect());
         let first = of(self.demonstrations.iter().take(1).collect());
-        [both, near, first].into_iter().find(|kept| !kept.is_empty()).unwrap_or_default()
+        [self.surely_helpful(), near, first].into_iter().find(|kept| !kept.is_empty()).unwrap_or_default()
+    }
+
+    /// What surely makes the agent better and is not surely less than half as good as the best; none where nothing surely
+    /// helps.
+    pub fn surely_helpful(&self) -> Vec<DemoId> {
+        let improves = |doubt: &&Doubt| doubt.improves >= self.level && self.may_be_near_the_best(doubt);
+        self.demonstrations.iter().filter(improves).map(|doubt| doubt.demo).collect()
+    }
+
+    fn may_be_near_the_best(&self, doubt: &Doubt) -> bool {
+        doubt.near_best > 1.0 - self.level
     }
 }
 

@@ -23,6 +23,7 @@ use demosift::point_mass::{PointMass, planted_set};
 use demosift::policy::PolicyShape;
 use demosift::preset::Preset;
 use demosift::recording::{self, Part};
+use demosift::referee::{self, Refereeing};
 use demosift::rollout::Playground;
 use demosift::seed::Seed;
 use demosift::select::Keep;
@@ -82,6 +83,7 @@ fn tiny(method: Method, rule: Rule) -> Config {
             checkpoint_every: 2,
             ..quick.imitate
         },
+        referee: Refereeing { cloning: 3, gail: 1 },
         ..quick
     }
 }
@@ -100,10 +102,10 @@ fn before_and_after(task: &PointMass, config: &Config) -> (BTreeMap<String, u64>
     let (set, playground) = (set(), Playground::new(task));
     let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
     let run = &mut Run { set: &set, playground: &playground, config, ledger, observer };
-    let planned = forecast::planned(run, Goal::Comparison).unwrap();
+    let planned = forecast::planned(run, Goal::Verdict).unwrap();
     assert_eq!(playground.steps_taken(), 0, "counting plays nothing");
     experiment::sift(run).unwrap();
-    assert_eq!(forecast::planned(run, Goal::Comparison).unwrap(), [], "a finished run costs nothing");
+    assert_eq!(forecast::planned(run, Goal::Verdict).unwrap(), [], "a finished run costs nothing");
     let costs = experiment::costs(run).unwrap();
     let spent: BTreeMap<String, u64> =
         costs.spent.into_iter().map(|(stage, spent)| (stage, spent.environment_steps)).collect();
@@ -177,22 +179,49 @@ fn what_a_killed_run_has_done_is_not_counted_again() {
     let fresh = {
         let run =
             &mut Run { set: &set, playground: &playground, config: &config, ledger: &mut ledger, observer };
-        let fresh = forecast::planned(run, Goal::Comparison).unwrap();
+        let fresh = forecast::planned(run, Goal::Verdict).unwrap();
         experiment::sift(run).unwrap();
         fresh
     };
     ledger.0.retain(|name, _| name.starts_with("checkpoint"));
     let again = Playground::new(&task);
     let run = &mut Run { set: &set, playground: &again, config: &config, ledger: &mut ledger, observer };
-    let rest = forecast::planned(run, Goal::Comparison).unwrap();
+    let rest = forecast::planned(run, Goal::Verdict).unwrap();
     experiment::sift(run).unwrap();
     // Judging leaves a checkpoint behind its last demonstration, and so nothing to do.
     let counted: u64 = rest.iter().map(|planned| planned.environment_steps).sum();
     assert_eq!(counted, again.steps_taken());
-    assert!(counted > 0 && counted < playground.steps_taken() / 2, "{counted}");
-    for planned in &rest {
+    assert!(counted > 0 && counted < playground.steps_taken(), "{counted}");
+    for planned in rest.iter().filter(|planned| planned.stage != referee::STAGE) {
         let whole = fresh.iter().find(|whole| whole.stage == planned.stage).unwrap();
         assert!(planned.updates < whole.updates, "{planned:?} of {whole:?}");
+    }
+}
+
+#[test]
+fn the_trainings_that_a_killed_referee_has_made_are_not_counted_again() {
+    let (set, task) = (set(), PointMass::new());
+    let mut ledger = Killed::default();
+    for (method, at_most) in [("cloning=3,gail=1", false), ("cloning=1,gail=4", true), ("none", false)] {
+        let config = Config { referee: method.parse().unwrap(), ..tiny(Method::FromScratch, Rule::Gail) };
+        let playground = Playground::new(&task);
+        let observer = &mut Silent;
+        let run =
+            &mut Run { set: &set, playground: &playground, config: &config, ledger: &mut ledger, observer };
+        experiment::sift(run).unwrap();
+        let killed = ["verdict.json", "learning_curve_referee_all_cloning_0.json"];
+        ledger.0.retain(|name, _| !killed.contains(&name.as_str()));
+        let again = Playground::new(&task);
+        let run = &mut Run { set: &set, playground: &again, config: &config, ledger: &mut ledger, observer };
+        let rest = forecast::planned(run, Goal::Verdict).unwrap();
+        experiment::sift(run).unwrap();
+        assert_eq!(rest.iter().map(|planned| planned.environment_steps).sum::<u64>(), again.steps_taken());
+        // One of cloning was forgotten, which ends when it ends.
+        assert!(rest.iter().all(|planned| !planned.at_most), "{rest:?}");
+        ledger.0.clear();
+        let run = &Run { set: &set, playground: &again, config: &config, ledger: &mut ledger, observer };
+        let fresh = forecast::planned(run, Goal::Verdict).unwrap();
+        assert_eq!(fresh.iter().any(|planned| planned.at_most), at_most, "{fresh:?}");
     }
 }
 
@@ -235,7 +264,7 @@ fn minutes_follow_the_clock_and_nothing_is_kept() {
             now += secs;
             now
         };
-        forecast::forecast(run, Goal::Comparison, &mut clock).unwrap()
+        forecast::forecast(run, Goal::Verdict, &mut clock).unwrap()
     };
     // Whatever is tried takes as long as one look at the clock.
     let (slow, slower) = (by_ticks(2.0), by_ticks(4.0));

@@ -21,6 +21,7 @@ use demosift::point_mass::{PointMass, planted_set};
 use demosift::policy::PolicyShape;
 use demosift::preset::Preset;
 use demosift::recording;
+use demosift::referee::{self, Refereeing};
 use demosift::rollout::Playground;
 use demosift::seed::Seed;
 use demosift::select::{self, Keep};
@@ -84,8 +85,10 @@ fn small(seed: u64) -> Config {
             evaluate_every: 4,
             evaluations: 10,
             checkpoint_every: 3,
+            cloning_updates: 20,
             ..quick.imitate
         },
+        referee: Refereeing { cloning: 3, gail: 1 },
     }
 }
 
@@ -275,6 +278,11 @@ fn algorithm_1_one_update_from_the_meta_discriminator_pays_less_alike() {
     }
 }
 
+/// Whether something was written down: a checkpoint, or one of the referee's trainings.
+fn is_kept(event: &Event<'_>) -> bool {
+    matches!(event, Event::Checkpoint { .. } | Event::Advanced { stage: referee::STAGE, .. })
+}
+
 /// Kills the process, as far as a test can, at a checkpoint.
 struct KilledAt {
     checkpoints_left: usize,
@@ -282,7 +290,7 @@ struct KilledAt {
 
 impl Observer for KilledAt {
     fn on(&mut self, event: Event<'_>) {
-        if matches!(event, Event::Checkpoint { .. }) {
+        if is_kept(&event) && self.checkpoints_left > 0 {
             self.checkpoints_left -= 1;
             if self.checkpoints_left == 0 {
                 resume_unwind(Box::new("killed"));
@@ -297,7 +305,7 @@ struct Count(usize);
 
 impl Observer for Count {
     fn on(&mut self, event: Event<'_>) {
-        self.0 += usize::from(matches!(event, Event::Checkpoint { .. }));
+        self.0 += usize::from(is_kept(&event));
     }
 }
 
@@ -325,7 +333,7 @@ fn sift(config: &Config, ledger: &mut InMemory, observer: &mut dyn Observer) -> 
     experiment::sift(&mut Run { set: &set, playground, config, ledger, observer }).unwrap()
 }
 
-const NOUNS: [&str; 11] = [
+const NOUNS: [&str; 14] = [
     "prior.safetensors",
     "scores_cloning.json",
     "adapted_cloning.safetensors",
@@ -333,10 +341,13 @@ const NOUNS: [&str; 11] = [
     "panel.json",
     "ranking.json",
     "subset.json",
-    "policy_subset.safetensors",
-    "learning_curve_subset.json",
-    "policy_all.safetensors",
-    "learning_curve_all.json",
+    "verdict.json",
+    "spent_referee.json",
+    "policy_best.safetensors",
+    "policy_best.onnx",
+    "policy_referee_kept_cloning_2.safetensors",
+    "learning_curve_referee_all_gail_0.json",
+    "learning_curve_referee_random_2_cloning_1.json",
 ];
 
 fn nouns(ledger: &InMemory) -> Vec<Vec<u8>> {
@@ -369,7 +380,11 @@ fn a_run_killed_at_any_checkpoint_goes_on_to_the_same_bytes() {
 fn goes_on_to_the_same_bytes(config: &Config) {
     let (mut whole, mut count) = (InMemory::default(), Count::default());
     let sifted = sift(config, &mut whole, &mut count);
-    assert!(count.0 >= 7, "meta-training, judging and both imitations have checkpoints: {}", count.0);
+    assert!(
+        count.0 >= 13,
+        "meta-training and judging have checkpoints, and the referee eleven trainings: {}",
+        count.0
+    );
     for kill in 1..=count.0 {
         let mut ledger = InMemory::default();
         let mut killed = KilledAt { checkpoints_left: kill };
@@ -416,13 +431,37 @@ fn imitating_the_good_demonstration_alone_beats_imitating_a_bad_one() {
         experiment::oracle(run, DemoId(demo), 0).unwrap()
     });
     let [good, bad] = &mut outcomes;
-    assert!(good.outcome.score > bad.outcome.score + 0.3, "{:?} and {:?}", good.outcome, bad.outcome);
+    assert!(good.end.score > bad.end.score + 0.3, "{:?} and {:?}", good.end, bad.end);
     // The curve starts at nothing learned, ends at the budget, and its best point is the policy that is kept.
     assert_eq!(good.points[0].environment_steps, 0);
     assert_eq!(good.points.last().unwrap().environment_steps, 6000);
     assert_eq!(good.demos, [DemoId(0)]);
     let best = good.points.iter().map(|point| point.score).fold(f64::NEG_INFINITY, f64::max);
     assert!(best > good.points[0].score + 0.3);
+    assert_eq!(good.best_point().unwrap().score, best);
+    // All that was played: twenty batches of 300 steps, and evaluations of ten episodes of 30 steps.
+    assert_eq!(good.played, 6000 + 300 * (good.points.len() as u64 + 2));
+}
+
+/// The last policy plays the episodes that the best one is scored on, so where they are the same the scores are.
+#[test]
+fn the_end_of_a_curve_is_the_last_policy_on_the_episodes_of_the_outcome() {
+    let set = planted_set(&[0.0, 180.0], Seed::new(9)).unwrap();
+    let (task, mut config) = (PointMass::new(), small(4));
+    let curve = |config: &Config| {
+        let playground = &Playground::new(&task);
+        let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
+        let run = &mut Run { set: &set, playground, config, ledger, observer };
+        experiment::learning_curve(run, "x", &[DemoId(1)]).unwrap()
+    };
+    // Imitating what leads away is best when it has not begun.
+    let away = curve(&config);
+    assert_eq!(away.best_point(), away.points.first());
+    assert!(away.end.score < away.outcome.score - 0.3, "{:?} and {:?}", away.end, away.outcome);
+    config.imitate.environment_steps = 0;
+    let still = curve(&config);
+    assert_eq!((still.points.len(), still.end), (1, still.outcome));
+    assert_eq!(still.played, 3 * 10 * 30, "the one point, the best and the last");
 }
 
 fn training() -> DemonstratorTraining {

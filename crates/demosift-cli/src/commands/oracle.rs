@@ -20,7 +20,7 @@ use crate::terminal;
 /// What came of one demonstration alone.
 struct Alone {
     demo: DemoId,
-    /// Heuristic of the policy, one a repeat.
+    /// Heuristic of the policy at the end of learning, one a repeat.
     scores: Vec<Score>,
     mean: Score,
 }
@@ -43,7 +43,7 @@ pub(crate) fn run(arguments: &OracleArguments) -> Result<()> {
             let of_demo = (0..arguments.repeats)
                 .map(|repeat| experiment::oracle(run, demo, repeat))
                 .collect::<Result<Vec<_>>>()?;
-            let scores: Vec<Score> = of_demo.iter().map(|curve| curve.outcome.score).collect();
+            let scores: Vec<Score> = of_demo.iter().map(|curve| curve.end.score).collect();
             alone.push(Alone { demo, mean: metrics::mean(&scores), scores });
             curves.push(of_demo);
         }
@@ -104,13 +104,13 @@ fn worth(
     random: usize,
 ) -> Result<Worth> {
     let random = (0..random)
-        .map(|number| Ok(experiment::random_subset(run, kept.demos.len(), number)?.outcome.score))
+        .map(|number| Ok(experiment::random_subset(run, kept.demos.len(), number)?.end.score))
         .collect::<Result<Vec<Score>>>()?;
     let best =
         alone.iter().rev().max_by(|a, b| a.mean.total_cmp(&b.mean)).expect("a set has demonstrations").demo;
     let shares = curves[best.0].iter().map(|alone| metrics::share_of_best(kept, alone));
     let shares: Vec<f64> = shares.filter(|share| share.is_finite()).collect();
-    let score = kept.outcome.score;
+    let score = kept.end.score;
     let against_random = metrics::against_random(score, &random);
     Ok(Worth { score, best: (best, metrics::mean(&shares)), random, against_random })
 }

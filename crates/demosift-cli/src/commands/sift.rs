@@ -18,12 +18,12 @@ use crate::{tables, terminal};
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = Job::open(arguments, Prior::Needed)?;
     if arguments.run.dry_run {
-        return dry_run::of_job(&mut job, Goal::Comparison, &arguments.run);
+        return dry_run::of_job(&mut job, Goal::Verdict, &arguments.run);
     }
     judge::first_then_all(&mut job, arguments.run.json)?;
     let sifted = job.run(experiment::sift)?;
     let (weighing, costs) = (select::weighing(&mut job)?, job.costs()?);
-    let Sifted { selection, from_subset, from_all, gain, .. } = &sifted;
+    let Sifted { selection, verdict, .. } = &sifted;
     let Selection { ranking, uncertainty, subset } = selection;
     let beside = job.beside(sifted.data_only.clone());
     if arguments.run.json {
@@ -37,9 +37,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
             "kept": subset.demos,
             "weighing": weighing,
             "costs": costs::as_json(&costs),
-            "from_subset": from_subset.outcome,
-            "from_all": from_all.outcome,
-            "gain": gain,
+            "verdict": verdict,
             "unit": job.unit(),
             "report": page,
             "variant": job.variant(),
@@ -57,7 +55,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
 
 /// The tables of the whole job.
 fn show(job: &Job, sifted: &Sifted, weighing: Option<&Weighing>, beside: &Beside, costs: &Costs) {
-    let Sifted { panel, selection, from_subset, from_all, .. } = sifted;
+    let Sifted { panel, selection, verdict, .. } = sifted;
     let Selection { ranking, uncertainty, subset } = selection;
     let judgment = Judgment { set: job.set(), ranking, uncertainty, unit: job.unit() };
     terminal::show(&judgment::ranking(&judgment, Some((subset, job.keep()))));
@@ -65,6 +63,6 @@ fn show(job: &Job, sifted: &Sifted, weighing: Option<&Weighing>, beside: &Beside
     terminal::show(&weighing.map_or(String::new(), |weighing| format!("\n{}", weights::trends(weighing))));
     terminal::show(&judgment::beside(ranking, beside));
     terminal::show("\n");
-    terminal::show(&tables::comparison(job.set(), from_subset, from_all, job.unit()));
+    terminal::show(&tables::verdict::verdict(verdict, job.unit()));
     terminal::show(&costs::played(costs));
 }

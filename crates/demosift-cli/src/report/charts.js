@@ -141,6 +141,24 @@ function intervalRow({ low, at, high, kept }, domain, width) {
     mark);
 }
 
+// One row of the picture of trainings: a dot per training, the interval of their mean, and the mean.
+function dotRow({ scores, low, mean, high, color }, domain, width) {
+  const right = linear(domain, [6, width - 6]);
+  const drawn = svg("svg", { width, height: 26, viewBox: `0 0 ${width} 26`, role: "img", "aria-label": `${scores.length} trainings` },
+    svg("line", { x1: 6, x2: width - 6, y1: 25, y2: 25, stroke: "var(--faint)" }));
+  if (low != null) drawn.append(svg("line", { x1: right(low), x2: right(high), y1: 20, y2: 20, stroke: color, "stroke-width": 2.5 }));
+  drawn.append(svg("line", { x1: right(mean), x2: right(mean), y1: 15, y2: 25, stroke: color, "stroke-width": 2.5 }));
+  for (const score of scores) drawn.append(svg("circle", { cx: right(score), cy: 8, r: 4.2, fill: color, "fill-opacity": 0.55, stroke: color }));
+  return drawn;
+}
+
+function axisRow(domain, width) {
+  const right = linear(domain, [6, width - 6]);
+  const { at, decimals } = ticks(domain, width / 70);
+  return svg("svg", { width, height: 16, viewBox: `0 0 ${width} 16`, "aria-hidden": "true" },
+    at.map((tick) => svg("text", { x: Math.min(Math.max(right(tick), 20), width - 20), y: 12, "text-anchor": "middle", "font-size": 11.5 }, fixed(tick, decimals))));
+}
+
 function intervalAxis(domain, width) {
   const right = linear(domain, [6, width - 6]);
   const { at, decimals } = ticks(domain, width / 65);

@@ -14,24 +14,22 @@ const listed = (demos) => [...demos].sort((a, b) => a - b).join(", ");
 const STAGES = {
   meta_train: "learning to imitate", pre_train: "imitating the entire set",
   judge_cloning: "judging by cloning", judge_paper: "judging by the paper's judge", subset_selection: "weighing",
-  imitate_subset: "from scratch, the kept", imitate_all: "from scratch, all",
+  referee: "final policies, several each", imitate_subset: "from scratch, the kept", imitate_all: "from scratch, all",
 };
 
 function fact(value, ...words) {
   return el("div", { class: "fact" }, el("b", {}, value), el("span", {}, ...words));
 }
 
-function verdict() {
-  const { learning } = report;
-  if (!learning) return fact("Not tried yet", "whether a policy from the kept is better than one from all: `demosift sift --resume` finds out");
-  if (learning.is_all) return fact("All were kept", "so there is no other policy to compare with");
-  const { gain, low, high, verdict } = learning.gain;
-  const decimals = decimalsFor([learning.from_subset.score, learning.from_all.score]);
-  const between = `between ${signed(low, decimals)} and ${signed(high, decimals)}${unit} by these episodes, from one training each`;
-  const said = { better: "Selecting helped", worse: "Selecting did not help", no_difference: "No difference seen" }[verdict];
-  const [a, b] = [learning.from_subset.success, learning.from_all.success];
-  const success = a == null || b == null ? "" : ` Success ${percent(a)} beside ${percent(b)}.`;
-  return fact(said, `The policy from the kept scores ${signed(gain, decimals)}${unit} beside the one from all, ${between}.${success}`);
+const CONCLUSIONS = {
+  helps: "Selecting helps", fewer_helps: "Fewer help, whichever", cannot_tell: "It cannot be told",
+  does_not_help: "Take the whole set", nothing_to_compare: "Nothing to compare",
+};
+
+function concluded() {
+  const { verdict } = report;
+  if (verdict) return fact(CONCLUSIONS[verdict.conclusion], "is what final policies say, several trained on each side.");
+  return fact("Not tried yet", "whether policies from the kept are better than those from all: `demosift referee --resume` finds out");
 }
 
 function heading() {
@@ -40,12 +38,13 @@ function heading() {
   into("top",
     el("h1", {}, `Which of these ${number} demonstrations teach the agent?`),
     el("p", { class: "soft" }, `Task ${report.task}${made.variant ? ` under ${made.variant}` : ""}, set ${made.set}. Each demonstration was imitated, and the agent that came of it was scored by the task's own heuristic; higher is better.`),
+    report.verdict ? el("p", { class: "sentence" }, report.verdict.sentence) : null,
     el("div", { class: "facts" },
       report.has_subset
         ? fact(`Keep ${keptDemos.length} of ${number}`, `Demonstration${keptDemos.length === 1 ? "" : "s"} ${listed(keptDemos)} (asked for: ${report.keep}).`)
         : fact("Nothing kept yet", "`demosift select --resume` chooses a subset"),
       fact(`${signed(best.gain, scoreDecimals)}${unit}`, `is what the best one, demonstration ${best.demo}, brings: from ${fixed(report.before, scoreDecimals)} before imitating it to ${fixed(best.after, scoreDecimals)} after.`),
-      verdict()));
+      concluded()));
 }
 
 function remarks() {
@@ -143,6 +142,49 @@ function variants() {
       el("tbody", {}, rows))));
 }
 
+const IMITATORS = { behavioral_cloning: "cloning", gail: "GAIL" };
+
+// What is trained on, as the rows of the picture name it.
+function candidateName({ names, side, size }) {
+  if (side === "whole") return `all ${size}`;
+  if (side === "random") return `random ${size}`;
+  return `the ${size} ${names.join(" and ")}`;
+}
+
+function verdict() {
+  const found = report.verdict;
+  if (!found?.pairs.length) return;
+  const scores = found.pairs.flatMap((pair) => pair.trainings.map((training) => training.outcome.score));
+  const [low, high] = extent([...scores, ...found.pairs.flatMap((pair) => [pair.low ?? pair.mean, pair.high ?? pair.mean])]);
+  const pad = (high - low) * 0.04;
+  const domain = [low - pad, high + pad];
+  const narrow = matchMedia("(max-width: 720px)").matches;
+  const width = narrow ? 150 : 360;
+  const decimals = decimalsFor(scores);
+  const remark = (pair, index) => index === found.winner ? el("span", { class: "tag" }, narrow ? "✓" : "train on this")
+    : pair.dropped ? "dropped early" : found.compared && !pair.is_compared ? "shown only" : "";
+  const color = { kept: "var(--ours)", whole: "var(--other)", random: "var(--soft)" };
+  const knowsSuccess = found.pairs.some((pair) => pair.success != null);
+  const row = (pair, index) => {
+    const candidate = found.candidates[pair.candidate];
+    return el("tr", { class: index === found.winner ? "kept" : null },
+      el("td", { class: "left" }, candidateName(candidate)), el("td", { class: "left" }, IMITATORS[pair.imitator]),
+      el("td", { class: "wide" }, `${pair.trainings.length}`), el("td", {}, fixed(pair.mean, decimals)),
+      el("td", { class: "left", title: pair.low == null ? "one training" : `${fixed(pair.low, decimals)} to ${fixed(pair.high, decimals)}` },
+        dotRow({ ...pair, scores: pair.trainings.map((training) => training.outcome.score), color: color[candidate.side] }, domain, width)),
+      knowsSuccess ? el("td", { class: "wide" }, percent(pair.success)) : null,
+      el("td", { class: "left wide" }, remark(pair, index)));
+  };
+  const limits = found.compared > 1 ? ` The level is divided by the ${found.compared} kept pairs that are compared.` : "";
+  into("verdict",
+    el("h2", {}, "What to train on"),
+    el("p", { class: "soft" }, `Final policies from scratch, one dot per training: its best policy on episodes that did not choose it. The bar is the 95 % interval of the mean over trainings. Random subsets are others in each training. Where nothing is gained, a run says that selecting helps in at most ${percent(found.level)} of cases.${limits}`),
+    el("div", { class: "scroll" }, el("table", {},
+      el("thead", {}, el("tr", {}, el("th", { class: "left" }, "policies from"), el("th", { class: "left" }, "by"), el("th", { class: "wide" }, "trainings"),
+        el("th", {}, inUnit("heuristic")), el("th", { class: "left" }, axisRow(domain, width)), knowsSuccess ? el("th", { class: "wide" }, "success") : null, el("th", { class: "left wide" }))),
+      el("tbody", {}, found.pairs.map(row)))));
+}
+
 function learning() {
   const found = report.learning;
   if (!found) return;
@@ -162,8 +204,8 @@ function learning() {
     el("td", {}, fixed(point.score, decimals)), el("td", {}, `± ${fixed(point.standard_error, decimals)}`),
     el("td", {}, percent(point.success)), el("td", {}, count(point.environment_steps)));
   into("learning",
-    el("h2", {}, "Was it worth it? A policy from scratch"),
-    el("p", { class: "soft" }, "Two policies with the same budget: one imitates the kept demonstrations, the other all of them. The bands are one standard error over the evaluation's episodes; another training would move both."),
+    el("h2", {}, "One policy each from scratch"),
+    el("p", { class: "soft" }, "Two policies with the same budget: one imitates the kept demonstrations, the other all of them. The bands are one standard error over the evaluation's episodes. One training each says little: another would move both."),
     el("div", { class: "chart" }, chart),
     el("div", { class: "scroll" }, el("table", {},
       el("thead", {}, el("tr", {}, el("th", { class: "left" }, "best policy from"), el("th", {}, inUnit("heuristic")), el("th", {}, "standard error"), el("th", {}, "success"), el("th", {}, "learned from, steps"))),
@@ -267,6 +309,7 @@ function configuration() {
 heading();
 ranking();
 judges();
+verdict();
 variants();
 learning();
 adaptation();

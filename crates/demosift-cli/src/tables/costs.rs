@@ -1,7 +1,7 @@
 //! What the stages of a run cost in environment steps, beside the budget that all methods have.
 
 use demosift::method::Costs;
-use demosift::{demonstrator, meta_train, pre_train, subset_selection};
+use demosift::{demonstrator, meta_train, pre_train, referee, subset_selection};
 use serde_json::{Map, Value, json};
 
 use super::{table, wrapped};
@@ -48,6 +48,7 @@ pub(super) fn in_words(stage: &str) -> String {
         "judge_cloning" => "judging by cloning",
         "judge_paper" => "judging by the paper's judge",
         subset_selection::STAGE => "weighing",
+        referee::STAGE => "final policies, several each",
         "imitate_subset" => "from scratch, the kept",
         "imitate_all" => "from scratch, all",
         "oracle" => "from scratch, each alone",

@@ -6,12 +6,13 @@ pub(crate) mod forecast;
 pub(crate) mod judgment;
 pub(crate) mod panel;
 pub(crate) mod study;
+pub(crate) mod verdict;
 pub(crate) mod weights;
 
 use demosift::demonstration::{DemoId, DemonstrationSet};
 use demosift::heuristic::Score;
 use demosift::imitate::LearningCurve;
-use demosift::metrics::{self, Decline, Gain, Verdict};
+use demosift::metrics::{self, Decline, Gain};
 
 /// Columns that fit their widest cell; words to the left, numbers to the right.
 pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
@@ -155,7 +156,7 @@ pub(crate) fn drifted(off: f64) -> String {
     }
 }
 
-/// The policy from the subset beside that from the whole set, and an honest word on which is better.
+/// The policy from the subset beside that from the whole set, and an honest word on how little that says.
 pub(crate) fn comparison(
     set: &DemonstrationSet,
     from_subset: &LearningCurve,
@@ -170,41 +171,31 @@ pub(crate) fn comparison(
     let rows = policies(&[(subset, from_subset), (all, from_all)], unit);
     format!(
         "What a policy learns from scratch, with as many environment steps each:\n\n{rows}\n{}\n",
-        verdict(set, from_subset, from_all, unit)
+        difference(set, from_subset, from_all, unit)
     )
 }
 
-fn verdict(
+/// One training each says little, and that is said.
+fn difference(
     set: &DemonstrationSet,
     from_subset: &LearningCurve,
     from_all: &LearningCurve,
     unit: &str,
 ) -> String {
-    let Gain { gain, low, high, verdict } = metrics::gain(&from_subset.outcome, &from_all.outcome);
+    let Gain { gain, low, high } = metrics::gain(&from_subset.outcome, &from_all.outcome);
     let scale = Scale::of([from_subset.outcome.score, from_all.outcome.score], unit);
     if from_subset.demos.len() == set.len() {
         return "All demonstrations were kept, so there is nothing to compare.".to_owned();
     }
-    let between =
-        format!("between {} and {}", scale.signed(low), format!("{} {unit}", scale.signed(high)).trim_end());
-    wrapped(&match verdict {
-        Verdict::NoDifference => format!(
-            "Nothing is gained by selecting, as far as these episodes show: the policy from the kept demonstrations \
-             scores {} beside the one from all, {between}.",
-            format!("{} {unit}", scale.signed(gain)).trim_end()
-        ),
-        Verdict::Better => format!(
-            "Selecting helped: the policy from the kept demonstrations is better by {}, {between} by these episodes. \
-             That is one training run each; another --seed shows how sure it is.",
-            scale.with_unit(gain)
-        ),
-        Verdict::Worse => format!(
-            "Selecting did NOT help: the policy from the kept demonstrations is worse by {}, {between} by these \
-             episodes. Use the whole set, choose others by `demosift imitate --resume --demonstration-ids`, or try \
-             another --seed or a larger --preset.",
-            scale.with_unit(-gain)
-        ),
-    })
+    let with_unit = |score| format!("{} {unit}", scale.signed(score)).trim_end().to_owned();
+    wrapped(&format!(
+        "The policy from the kept demonstrations scores {} beside the one from all, between {} and {} by these episodes. \
+         That is one training each, and another seed would change both: whether selecting helps is what `demosift \
+         referee` finds out by several.",
+        with_unit(gain),
+        scale.signed(low),
+        with_unit(high)
+    ))
 }
 
 /// Characters of the widest line.
@@ -267,11 +258,14 @@ mod tests {
             score,
             standard_error: 0.01,
             success: None,
+            true_return: None,
         };
         let curve = |last: f64| LearningCurve {
             demos: vec![DemoId(7)],
             points: vec![point(0, -1.77), point(60, -0.7), point(120, last)],
             outcome: point(60, -0.72),
+            end: point(120, last),
+            played: 0,
             best: demosift::policy::Policy::untrained(
                 &demosift::policy::PolicyShape { hidden: vec![1], initial_std: 1.0 },
                 demosift::observation_filter::ObservationFilter::identity(1),

@@ -28,8 +28,12 @@ environment_steps = 1800
 evaluations = 4
 evaluate_every = 2
 checkpoint_every = 2
+cloning_updates = 6
 [imitate.update]
 batch_steps = 300
+[referee]
+cloning = 3
+gail = 1
 ";
 
 /// A recording of the point mass that takes a second.

@@ -3,20 +3,21 @@
 use serde::Serialize;
 
 use super::By;
-use crate::adapt::Learner;
+use crate::adapt::{Learner, Rule};
 use crate::artifact::Artifact;
 use crate::demonstration::DemoId;
 use crate::demonstrator::{self, DemonstratorState, Stage};
 use crate::error::Result;
-use crate::experiment::{self, Run, begun, stage_name};
+use crate::experiment::{self, Run, Selection, begun, stage_name};
 use crate::imitate::{self, ImitationState, LearningCurve};
 use crate::judge::{self, Cost, Judged, JudgingState};
 use crate::ledger::Ledger;
 use crate::meta_train::{self, MetaState, MetaTraining};
 use crate::method::Method;
-use crate::panel::Judge;
+use crate::panel::{Judge, Opinion, Panel};
 use crate::pre_train::{self, PreTrainState};
 use crate::recording;
+use crate::referee::{self, DECISIVE, Meant, NamedSubset, imitation_by};
 use crate::rollout::Playground;
 use crate::select::{Keep, Subset};
 use crate::subset_selection::{self, Weighing, WeighingState};
@@ -32,8 +33,10 @@ pub enum Goal<'a> {
     Selection,
     /// The subset by weights.
     Weighing,
-    /// The policy from the subset beside that from all.
+    /// The policy from the subset beside that from all, by one training each.
     Comparison,
+    /// What the referee says.
+    Verdict,
     /// One policy from these demonstrations, under the name of its part.
     Policy(&'a str, &'a [DemoId]),
     /// Each demonstration alone so often, and so many random subsets.
@@ -69,8 +72,8 @@ pub(super) enum Piece {
     Inner { judge: Judge },
     /// The same in pre-training, one after the other, toward so many demonstrations.
     PreTraining { demonstrations: usize },
-    /// The same in imitation from scratch.
-    Imitation { demonstrations: usize },
+    /// The same in imitation from scratch by a rule, so many at once.
+    Imitation { rule: Rule, at_once: usize, demonstrations: usize },
     /// An environment step of an evaluation of so many episodes.
     Evaluation { episodes: usize },
     /// An environment step of a demonstrator that learns.
@@ -104,6 +107,10 @@ pub fn planned(run: &Run<'_>, goal: Goal<'_>) -> Result<Vec<Planned>> {
             stages.extend(imitation(run, "subset", kept.as_deref(), size)?);
             stages.extend(imitation(run, "all", Some(&run.set.ids()), count)?);
         }
+        Goal::Verdict => {
+            stages = planned(run, Goal::Selection)?;
+            stages.extend(verdict(run)?);
+        }
         Goal::Policy(part, demos) => stages.extend(imitation(run, part, Some(demos), demos.len())?),
         Goal::Oracle { repeats, random } => {
             let mut alone = Vec::new();
@@ -130,6 +137,7 @@ fn together(stage: &str, parts: Vec<Planned>) -> Option<Planned> {
         .reduce(|sum, part| Planned {
             environment_steps: sum.environment_steps + part.environment_steps,
             updates: sum.updates + part.updates,
+            at_most: sum.at_most || part.at_most,
             pieces: [sum.pieces, part.pieces].concat(),
             ..sum
         })
@@ -300,13 +308,14 @@ fn imitation(run: &Run<'_>, part: &str, demos: Option<&[DemoId]>, size: usize) -
     let updates = imitate::updates(task, imitation);
     let environment_steps = imitate::steps(task, imitation);
     let learning = updates * imitation.update.episodes(task.horizon) * task.horizon;
+    let piece = Piece::Imitation { rule: imitation.update.imitation, at_once: 1, demonstrations: size };
     let whole = Whole {
         stage: stage_name(imitate::STAGE, part),
         environment_steps,
         updates: updates as u64,
         at_most: false,
         pieces: vec![
-            (Piece::Imitation { demonstrations: size }, updates as f64),
+            (piece, updates as f64),
             (
                 Piece::Evaluation { episodes: imitation.evaluations },
                 (environment_steps - learning as u64) as f64,
@@ -324,6 +333,55 @@ fn imitation(run: &Run<'_>, part: &str, demos: Option<&[DemoId]>, size: usize) -
         )?;
     let (spent, done) = if done == 0 { (0, 0) } else { (spent, done) };
     Ok(whole.rest(spent, done, updates.max(1)))
+}
+
+/// The referee's trainings; before anything is kept, as if as many demonstrations were kept as is likely.
+fn verdict(run: &Run<'_>) -> Result<Option<Planned>> {
+    let ids = run.set.ids();
+    let candidates = referee::candidates(&ids, &foreseen(run)?)?;
+    let task = run.playground.specification();
+    let at_once = rayon::current_num_threads();
+    let several = Panel::recall(run.ledger, "")?.is_none();
+    let of_training = |meant: Meant| {
+        let imitation = imitation_by(meant.imitator, &run.config.imitate);
+        let updates = imitate::updates(task, &imitation);
+        let environment_steps = imitate::steps(task, &imitation);
+        let learning = (updates * imitation.update.episodes(task.horizon) * task.horizon) as u64;
+        let demonstrations = candidates[meant.candidates[0]].size;
+        let piece = Piece::Imitation { rule: meant.imitator, at_once, demonstrations };
+        let evaluation = Piece::Evaluation { episodes: imitation.evaluations };
+        Planned {
+            stage: referee::STAGE.to_owned(),
+            environment_steps,
+            updates: updates as u64,
+            // Judges that keep the same have one candidate, and who is surely hopeless is dropped.
+            at_most: several || run.config.referee.trainings(meant.imitator) > DECISIVE,
+            pieces: vec![
+                (piece, updates as f64 / at_once as f64),
+                (evaluation, (environment_steps - learning) as f64),
+            ],
+        }
+    };
+    let rest = experiment::rest_of_verdict(run, &candidates)?;
+    Ok(together(referee::STAGE, rest.into_iter().map(of_training).collect()))
+}
+
+/// What final policies will be trained on: as it was selected, or else as if the judges agreed on nothing.
+fn foreseen(run: &Run<'_>) -> Result<Vec<NamedSubset>> {
+    let (panel, subset) = (Panel::recall(run.ledger, "")?, Subset::recall(run.ledger, "")?);
+    if let (Some(panel), Some(subset)) = (panel, subset) {
+        let Opinion { ranking, uncertainty, .. } = panel.deciding().clone();
+        return experiment::worth_training_on(run, &panel, &Selection { ranking, uncertainty, subset });
+    }
+    let (ids, size) = (run.set.ids(), likely_size(run));
+    let judges = run.config.judges.each().iter().enumerate();
+    let of_judge = |(shift, judge): (usize, &Judge)| {
+        let demos: Vec<DemoId> = ids.iter().cycle().skip(shift).take(size).copied().collect();
+        NamedSubset::new(judge.name(), &demos)
+    };
+    let mut subsets: Vec<NamedSubset> = judges.map(of_judge).collect();
+    subsets.push(NamedSubset::new("auto", &ids[..ids.len().div_ceil(2)]));
+    Ok(subsets)
 }
 
 fn is_sorted_from(found: &[DemoId], demos: &[DemoId]) -> bool {

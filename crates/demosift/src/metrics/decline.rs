@@ -45,11 +45,14 @@ mod tests {
             score: *score,
             standard_error,
             success: None,
+            true_return: None,
         };
         let points: Vec<CurvePoint> = scores.iter().enumerate().map(point).collect();
         let curve = LearningCurve {
             demos: vec![DemoId(0)],
             outcome: points[0],
+            end: points[0],
+            played: 0,
             points,
             best: Policy::untrained(&shape, ObservationFilter::identity(1), 1, Seed::new(1)),
         };

@@ -1,6 +1,7 @@
-//! Whether selecting was worth it: the policy from the subset beside others, by their finished learning curves.
+//! One policy beside others, by their finished learning curves.
 //!
-//! The referee is the trained policy and never the score that chose (docs/traps/evaluation-noise.md).
+//! What is compared is the trained policy and never the score that chose (docs/traps/evaluation-noise.md).
+//! Whether selecting helps cannot be seen in one training each; [`crate::referee`] makes several.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +12,7 @@ use crate::imitate::{CurvePoint, LearningCurve};
 /// Standard errors on each side of a gain's interval: about 95 %.
 const STANDARD_ERRORS: f64 = 2.0;
 
-/// How much better one policy is than another, with the noise that the episodes or trainings show.
+/// How much better one policy is than another, with the noise that the episodes show.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Gain {
     /// The difference of the mean heuristics.
@@ -20,32 +21,6 @@ pub struct Gain {
     pub low: Score,
     /// Upper end of its interval, two standard errors up.
     pub high: Score,
-    /// What that says.
-    pub verdict: Verdict,
-}
-
-/// What a [`Gain`] says.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    /// The interval is above 0.
-    Better,
-    /// The interval holds 0: nothing is gained that the noise would let see.
-    NoDifference,
-    /// The interval is below 0.
-    Worse,
-}
-
-impl Gain {
-    fn new(gain: Score, standard_error: f64) -> Self {
-        let (low, high) = (gain - STANDARD_ERRORS * standard_error, gain + STANDARD_ERRORS * standard_error);
-        let verdict = match (low > 0.0, high < 0.0) {
-            (true, _) => Verdict::Better,
-            (_, true) => Verdict::Worse,
-            _ => Verdict::NoDifference,
-        };
-        Self { gain, low, high, verdict }
-    }
 }
 
 /// The gain of one policy over another, such as of the subset's over the whole set's, by the episodes that evaluated them.
@@ -53,20 +28,8 @@ impl Gain {
 /// The interval knows the luck of the episodes only: one training each says nothing of what another would change.
 /// Both evaluations use the same seeds, so treating them as independent is on the safe side.
 pub fn gain(of: &CurvePoint, over: &CurvePoint) -> Gain {
-    Gain::new(of.score - over.score, of.standard_error.hypot(over.standard_error))
-}
-
-/// The gain by several trainings of each, one score a training, so that the luck of a training is in the interval.
-///
-/// The standard error is Welch's, for unequal spreads; with a single training on either side it is NaN, and the verdict
-/// no difference.
-pub fn gain_of_trainings(of: &[Score], over: &[Score]) -> Gain {
-    let squared_error = |scores: &[Score]| {
-        let center = mean(scores);
-        let count = scores.len() as f64;
-        scores.iter().map(|score| (score - center).powi(2)).sum::<f64>() / (count - 1.0) / count
-    };
-    Gain::new(mean(of) - mean(over), (squared_error(of) + squared_error(over)).sqrt())
+    let (gain, error) = (of.score - over.score, of.standard_error.hypot(over.standard_error));
+    Gain { gain, low: gain - STANDARD_ERRORS * error, high: gain + STANDARD_ERRORS * error }
 }
 
 /// A subset beside random subsets of the same size.
@@ -88,13 +51,13 @@ pub fn against_random(subset: Score, random: &[Score]) -> AgainstRandom {
 /// good, more is better.
 ///
 /// A quotient of the heuristics themselves would mean nothing where they are negative, as negated distances are, so both
-/// are counted from the first point of the curves, where nothing has been learned yet. NaN where the best single
+/// are counted from the first point of the curves, where nothing has been learned yet, to their end. NaN where the best single
 /// demonstration taught nothing, or a curve has no point.
 pub fn share_of_best(subset: &LearningCurve, best_single: &LearningCurve) -> f64 {
     let untrained = |curve: &LearningCurve| curve.points.first().map_or(f64::NAN, |point| point.score);
     let start = mean(&[untrained(subset), untrained(best_single)]);
-    let way = best_single.outcome.score - start;
-    if way > 0.0 { (subset.outcome.score - start) / way } else { f64::NAN }
+    let way = best_single.end.score - start;
+    if way > 0.0 { (subset.end.score - start) / way } else { f64::NAN }
 }
 
 #[cfg(test)]
@@ -106,7 +69,7 @@ mod tests {
     use crate::seed::Seed;
 
     fn point(score: Score, standard_error: f64) -> CurvePoint {
-        CurvePoint { updates: 0, environment_steps: 0, score, standard_error, success: None }
+        CurvePoint { updates: 0, environment_steps: 0, score, standard_error, success: None, true_return: None }
     }
 
     fn curve(scores: &[Score]) -> LearningCurve {
@@ -115,33 +78,17 @@ mod tests {
             demos: vec![DemoId(0)],
             points: scores.iter().map(|score| point(*score, 0.0)).collect(),
             outcome: point(scores[scores.len() - 1], 0.0),
+            end: point(scores[scores.len() - 1], 0.0),
+            played: 0,
             best: Policy::untrained(&shape, ObservationFilter::identity(1), 1, Seed::new(1)),
         }
     }
 
     #[test]
-    fn a_gain_within_the_noise_is_no_difference() {
-        let over = point(1.0, 0.4);
-        let near = gain(&point(1.9, 0.3), &over);
-        assert!(
-            (near.gain - 0.9).abs() < 1e-12
-                && (near.low + 0.1).abs() < 1e-12
-                && (near.high - 1.9).abs() < 1e-12
-        );
-        assert_eq!(near.verdict, Verdict::NoDifference);
-        assert_eq!(gain(&point(2.1, 0.3), &over).verdict, Verdict::Better);
-        assert_eq!(gain(&point(-0.1, 0.3), &over).verdict, Verdict::Worse);
-        assert_eq!(gain(&over, &over).verdict, Verdict::NoDifference);
-    }
-
-    /// scipy.stats.ttest_ind of the same lists with equal_var=False.
-    #[test]
-    fn the_gain_of_several_trainings_has_welchs_standard_error() {
-        let found = gain_of_trainings(&[5.0, 7.0, 9.0, 11.0], &[2.0, 3.0, 4.0]);
-        let standard_error: f64 = (found.high - found.low) / 4.0;
-        assert!((found.gain / standard_error - 3.535_533_905_932_737_8).abs() < 1e-12);
-        assert_eq!((found.gain, found.verdict), (5.0, Verdict::Better));
-        assert_eq!(gain_of_trainings(&[5.0], &[2.0, 3.0]).verdict, Verdict::NoDifference);
+    fn a_gain_has_two_standard_errors_of_the_episodes_on_each_side() {
+        let found = gain(&point(1.9, 0.3), &point(1.0, 0.4));
+        assert!((found.gain - 0.9).abs() < 1e-12);
+        assert!((found.low + 0.1).abs() < 1e-12 && (found.high - 1.9).abs() < 1e-12);
     }
 
     #[test]

@@ -6,7 +6,7 @@ mod gain;
 
 pub use agreement::{hit_rate, kendall, ranks, spearman};
 pub use decline::{Decline, decline};
-pub use gain::{AgainstRandom, Gain, Verdict, against_random, gain, gain_of_trainings, share_of_best};
+pub use gain::{AgainstRandom, Gain, against_random, gain, share_of_best};
 
 /// The mean of some values; NaN if there are none.
 pub fn mean(values: &[f64]) -> f64 {

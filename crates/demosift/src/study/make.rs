@@ -1,18 +1,19 @@
 //! Making one cell: the same functions as a run of the command, with a ledger that forgets.
 
 use super::{Cost, JudgedDemonstration, JudgingResult, Outcome, TrainingResult};
-use crate::adapt::{InnerUpdate, Rule};
+use crate::adapt::Rule;
 use crate::demonstration::{DemoId, DemonstrationSet};
 use crate::environment::Task;
 use crate::error::{Error, Result};
 use crate::experiment::{self, Config, Run};
 use crate::heuristic::Score;
-use crate::imitate::{self, CurvePoint, Imitation, ImitationState, LearningCurve};
+use crate::imitate::{self, CurvePoint, ImitationState};
 use crate::judge::{self, Suitability};
 use crate::ledger::InMemory;
 use crate::metrics;
 use crate::observer::Silent;
 use crate::panel::{Judge, Judges};
+use crate::referee::imitation_by;
 use crate::rollout::Playground;
 use crate::seed::Seed;
 
@@ -81,14 +82,14 @@ pub fn training(
     clock: &mut dyn FnMut() -> f64,
 ) -> Result<TrainingResult> {
     let playground = Playground::new(means.task);
-    let imitation = imitation(means.config, imitator);
+    let imitation = imitation_by(imitator, &means.config.imitate);
     let seed = Seed::new(seed).of("imitate");
     let mut passed = Passed::from_now(&playground, clock);
     let policy = &means.config.policy;
     let start = ImitationState::start((means.set, demos), policy, &imitation, &seed.of("start"));
     let curve = imitate::imitate(means.set, &playground, &imitation, start, &seed, ("", &mut Silent))?;
     Ok(TrainingResult {
-        end: outcome(end_of(&curve))?,
+        end: outcome(&curve.end)?,
         chosen: outcome(&curve.outcome)?,
         cost: passed.since_last(),
     })
@@ -117,24 +118,11 @@ pub fn planned_judging(means: &Means<'_>) -> u64 {
 
 /// Environment steps that a training takes, where episodes last to the horizon.
 pub fn planned_training(means: &Means<'_>, imitator: Rule) -> u64 {
-    imitate::steps(means.task.specification(), &imitation(means.config, imitator))
-}
-
-/// How a training by an imitator goes.
-fn imitation(config: &Config, imitator: Rule) -> Imitation {
-    let update = InnerUpdate { imitation: imitator, ..config.imitate.update.clone() };
-    Imitation { update, ..config.imitate.clone() }
-}
-
-/// The last policy.
-fn end_of(curve: &LearningCurve) -> &CurvePoint {
-    // Its episodes also chose the best policy on the way, which does not flatter the last one but ties the two together;
-    // once a curve evaluates its end on the outcome's episodes, that is to be taken.
-    curve.points.last().expect("an imitation is evaluated at its end")
+    imitate::steps(means.task.specification(), &imitation_by(imitator, &means.config.imitate))
 }
 
 fn outcome(point: &CurvePoint) -> Result<Outcome> {
-    Ok(Outcome { score: finite(point.score)?, success: point.success, true_return: None })
+    Ok(Outcome { score: finite(point.score)?, success: point.success, true_return: point.true_return })
 }
 
 fn finite(score: Score) -> Result<Score> {

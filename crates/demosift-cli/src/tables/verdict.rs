@@ -1,0 +1,66 @@
+//! What the referee says: a pair a row, and the sentence below.
+
+use demosift::referee::{Candidate, Pair, Side, Verdict, imitator_name};
+
+use super::{Scale, percent, table, wrapped};
+
+/// All pairs, and what to train on.
+pub(crate) fn verdict(verdict: &Verdict, unit: &str) -> String {
+    let sentence = format!("{}\n", wrapped(&verdict.sentence));
+    if verdict.pairs.is_empty() {
+        return sentence;
+    }
+    let scale = Scale::of(verdict.pairs.iter().map(|pair| pair.mean), unit);
+    let title = scale.title("heuristic");
+    let knows_success = verdict.pairs.iter().any(|pair| pair.success.is_some());
+    let mut header = vec!["policies from", "by", "trainings", title.as_str(), "95 % interval"];
+    if knows_success {
+        header.push("success");
+    }
+    header.push("");
+    let row = |(index, pair): (usize, &Pair)| {
+        let mut row = vec![
+            name(&verdict.candidates[pair.trained.candidate]),
+            imitator_name(pair.trained.imitator).to_owned(),
+            pair.trained.trainings.len().to_string(),
+            scale.plain(pair.mean),
+            interval(pair, scale),
+        ];
+        if knows_success {
+            row.push(pair.success.map_or("-".to_owned(), percent));
+        }
+        row.push(remark(verdict, index, pair).to_owned());
+        row
+    };
+    let rows: Vec<Vec<String>> = verdict.pairs.iter().enumerate().map(row).collect();
+    let what = "Final policies, several trainings each; the interval is over trainings (higher is better):";
+    format!("{what}\n\n{}\n{sentence}", table(&header, &rows))
+}
+
+/// A candidate in a table; which demonstrations it has, the sentence says.
+fn name(Candidate { names, side, size, .. }: &Candidate) -> String {
+    match side {
+        Side::Kept => format!("the {size} {}", names.join(" and ")),
+        Side::Whole => format!("all {size}"),
+        Side::Random => format!("random {size}"),
+    }
+}
+
+fn interval(pair: &Pair, scale: Scale<'_>) -> String {
+    match (pair.low, pair.high) {
+        (Some(low), Some(high)) => format!("[{}, {}]", scale.plain(low), scale.plain(high)),
+        _ => "-".to_owned(),
+    }
+}
+
+fn remark(verdict: &Verdict, index: usize, pair: &Pair) -> &'static str {
+    if verdict.winner == Some(index) {
+        "train on this"
+    } else if pair.trained.dropped {
+        "dropped early"
+    } else if verdict.compared > 0 && !pair.is_compared {
+        "shown only"
+    } else {
+        ""
+    }
+}
