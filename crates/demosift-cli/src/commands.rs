@@ -4,6 +4,7 @@ mod completions;
 mod convert;
 mod dry_run;
 mod export;
+mod goals;
 mod imitate;
 mod inspect;
 mod judge;

@@ -19,6 +19,7 @@ use toml::Table;
 use crate::arguments::{JobArguments, PresetName, RunArguments};
 use crate::configuration::{self, Layer};
 use crate::demonstrations::{self, Demonstrations};
+use crate::interruption;
 use crate::metrics_file::MetricsFile;
 use crate::own_heuristic::{self, Beside};
 use crate::run_folder::{self, Begun, Data, Identity, RunFolder};
@@ -101,16 +102,22 @@ impl Job {
     }
 
     /// The same job for one of the task's several goals, in a folder of its own within that of this one; it starts from what
-    /// is known here of that goal.
-    pub(crate) fn for_goal(&self, goal: &str) -> Result<Self> {
+    /// is known here of that goal. A dry run only looks at it.
+    pub(crate) fn for_goal(&self, goal: &str, dry: bool) -> Result<Self> {
         let chosen = task::choose(&self.chosen.name)?.under(goal)?;
         let out = self.folder.path().join(goal);
         let begun = run_folder::look_into(&out, true)?;
         let identity = identity(&chosen, Some(self.data.clone()));
-        let mut folder = RunFolder::open(out, begun.as_ref(), &identity, &self.values)?;
-        let variant = self.chosen.task.specification().variant(goal)?;
-        experiment::hand_on(&self.folder, &mut folder, variant)?;
-        let progress = Progress::new(MetricsFile::open(folder.path())?);
+        let (folder, progress) = if dry {
+            (RunFolder::look(out, begun.as_ref(), &identity, &self.values)?, Progress::of_bar_only())
+        } else {
+            let mut folder = RunFolder::open(out, begun.as_ref(), &identity, &self.values)?;
+            // Whoever interrupts it goes on with the whole.
+            interruption::run_is_in(self.folder.path());
+            experiment::hand_on(&self.folder, &mut folder, self.chosen.task.specification().variant(goal)?)?;
+            let progress = Progress::new(MetricsFile::open(folder.path())?);
+            (folder, progress)
+        };
         Ok(Self {
             set: self.set.clone(),
             path: self.path.clone(),

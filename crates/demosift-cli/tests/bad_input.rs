@@ -313,7 +313,8 @@ fn a_run_folder_of_another_run() {
         ("--seed 9", ["seed was 0", "is 9"]),
         ("--method avg-fine-tune", ["method was \"maml\"", "is \"avg-fine-tune\""]),
         ("--keep 3", ["keep was \"quarter\"", "is \"3\""]),
-        ("--preset paper", ["imitate.checkpoint_every was 2", "is 10"]),
+        ("--preset paper", ["cloning_judge.judging.averaged was 2", "is 10"]),
+        ("--judge paper", ["judges was \"both\"", "is \"paper\""]),
     ] {
         refuses(&scratch, &format!("judge --out run --resume {option}"), &wanted);
     }
@@ -497,7 +498,7 @@ fn pictures_that_cannot_be_taken() {
 #[test]
 fn a_full_disk() {
     let scratch = Scratch::new("full");
-    for (noun, left) in [("run.json", 1), ("scores.json", 9)] {
+    for (noun, left) in [("run.json", 1), ("scores_cloning.json", 7)] {
         let _ = std::fs::remove_dir_all(scratch.0.join("run"));
         std::fs::create_dir(scratch.0.join("run")).unwrap();
         let waiting = scratch.0.join(format!("run/.{noun}.partial"));

@@ -60,7 +60,7 @@ fn the_same_demonstrations_give_the_same_scores_in_every_format() {
     scratch.succeed(&format!("judge lerobot {tail} --out b"));
     let columns = "--observation-columns obs/position,obs/velocity --format robomimic";
     scratch.succeed(&format!("judge set.robomimic.hdf5 {columns} {tail} --out c"));
-    let scores = |folder: &str| fs::read(scratch.0.join(folder).join("scores.json")).unwrap();
+    let scores = |folder: &str| fs::read(scratch.0.join(folder).join("scores_paper.json")).unwrap();
     assert_eq!(scores("a"), scores("b"));
     assert_eq!(scores("a"), scores("c"));
 

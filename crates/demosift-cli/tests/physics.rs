@@ -150,8 +150,10 @@ fn a_set_is_sifted_for_one_of_the_goals() {
     let sift = format!("sift {} {tiny} --out run", set.display());
     let said = scratch.succeed(&format!("{sift} --variant high_left"));
     assert!(!said.contains("under each variant"), "{said}");
-    let scores = String::from_utf8(scratch.files("run")["scores.json"].clone()).unwrap();
-    assert!(!scores.contains("\"variant\": 1"), "{scores}");
+    for name in ["scores_cloning.json", "scores_paper.json"] {
+        let scores = String::from_utf8(scratch.files("run")[name].clone()).unwrap();
+        assert!(!scores.contains("\"variant\": 1"), "{scores}");
+    }
 
     scratch.succeed("select --out run --resume");
     scratch.succeed("report run");
@@ -177,6 +179,42 @@ fn a_set_is_sifted_for_one_of_the_goals() {
     assert!(unknown.contains("'up'") && unknown.contains("has: low_left, low_right, high_left"), "{unknown}");
 }
 
+/// Eq. 9 is taken per goal: each has its own ranking, subset, referee and report, from what was judged for all together.
+#[test]
+fn a_set_of_several_goals_is_sifted_for_each_of_them() {
+    let scratch = Scratch::new("all-goals");
+    let set = in_repository("data/penalty_save_12");
+    let tiny = "--task penalty_save --config tiny.toml --set meta_train.rounds=1 --set judge.iterations=1 \
+                --set judge.averaged=1 --set inner.batch_steps=120 --referee cloning=3 --set imitate.cloning_updates=2 \
+                --set imitate.evaluations=2 --set judge.repeats=1 --set cloning_judge.judging.most_repeats=2";
+    let sift = format!("sift {} {tiny} --out run", set.display());
+    let planned = scratch.succeed(&format!("{sift} --dry-run"));
+    assert!(
+        planned.contains("final policies, several each") && planned.contains("Nothing was written"),
+        "{planned}"
+    );
+    assert!(!scratch.0.join("run").exists());
+    let said = scratch.succeed(&sift);
+    assert!(said.contains("under each variant"), "{said}");
+    for goal in ["low_left", "low_right", "high_left", "high_right", "over"] {
+        assert!(said.contains(&format!("Goal {goal}")), "{said}");
+        let files = scratch.files(&format!("run/{goal}"));
+        for name in ["ranking.json", "subset.json", "verdict.json", "policy_best.onnx", "report.html"] {
+            assert!(files.contains_key(name), "{goal}: {name}");
+        }
+        let scores = String::from_utf8(files["scores_cloning.json"].clone()).unwrap();
+        assert!(!scores.contains("\"variant\": 1"), "{scores}");
+    }
+    assert!(!scratch.files("run").contains_key("ranking.json"), "no order is that of all goals");
+    // A goal is a run like any other, and the whole goes on as it was.
+    assert!(scratch.succeed("export run/over --as csv").contains("task penalty_save, variant over, seed"));
+    scratch.succeed("report run/over");
+    let again = scratch.succeed("sift --out run --resume --json");
+    let again: serde_json::Value = serde_json::from_str(&again).unwrap();
+    assert_eq!(again["goals"].as_object().unwrap().len(), 5);
+    assert_eq!(again["goals"]["over"]["kept"].as_array().unwrap().len(), 3);
+}
+
 #[test]
 fn the_public_half_cheetah_set_is_judged() {
     let set = in_repository("../shared/data/half_cheetah_noisy/half_cheetah_noisy.hdf5");
@@ -192,7 +230,8 @@ fn the_public_half_cheetah_set_is_judged() {
         said.contains("gain [m]") && !said.contains("loss   heuristic"),
         "the file holds no states: {said}"
     );
-    assert!(scratch.files("run").contains_key("scores.json"));
+    assert!(scratch.files("run").contains_key("scores_cloning.json"));
+    assert!(scratch.files("run").contains_key("scores_paper.json"));
 }
 
 /// A set of free throws with where each came from.

@@ -13,24 +13,24 @@ use support::{Scratch, in_repository};
 
 const POINT_MASS: &str = "--task point_mass --config tiny.toml";
 
-/// What a page says of itself: what it threw or complained of, its rows, and how many colors each third of its picture has.
+/// What a page says of itself: what it threw or complained of, its rows, and how many colors each quarter of its picture has.
 const PROBE: &str = "<script>
 setTimeout(() => {
   const canvas = document.querySelector('canvas');
-  const thirds = [];
+  const quarters = [];
   if (canvas) {
     const flat = Object.assign(document.createElement('canvas'), { width: canvas.width, height: canvas.height });
     const context = flat.getContext('2d');
     context.drawImage(canvas, 0, 0);
-    for (let third = 0; third < 3; third++) {
+    for (let quarter = 0; quarter < 4; quarter++) {
       const colors = new Set();
-      const part = context.getImageData((third * flat.width) / 3 | 0, 0, flat.width / 3 | 0, flat.height).data;
+      const part = context.getImageData((quarter * flat.width) / 4 | 0, 0, flat.width / 4 | 0, flat.height).data;
       for (let at = 0; at < part.length; at += 4) colors.add((part[at] << 16) | (part[at + 1] << 8) | part[at + 2]);
-      thirds.push(colors.size);
+      quarters.push(colors.size);
     }
   }
   const found = {
-    errors: window.complaints, rows: document.querySelectorAll('#places tbody tr').length, thirds,
+    errors: window.complaints, rows: document.querySelectorAll('#places tbody tr').length, quarters,
     images: document.images.length, charts: document.querySelectorAll('section svg').length,
     wide: document.documentElement.scrollWidth > innerWidth, title: document.title,
     sections: [...document.querySelectorAll('section')].filter((one) => one.textContent).map((one) => one.id),
@@ -104,8 +104,17 @@ fn the_page_of_a_task_without_a_model_says_so_and_shows_the_rest() {
     let Some(seen) = looked_at(&scratch, "run/report.html", "1100,900") else { return };
     assert_eq!(seen["errors"], Value::Array(vec![]), "{seen}");
     assert_eq!((&seen["rows"], &seen["images"]), (&Value::from(4), &Value::from(0)), "{seen}");
-    let sections =
-        ["verdict", "ranking", "replay", "adaptation", "weights", "opinions", "costs", "configuration"];
+    let sections = [
+        "verdict",
+        "ranking",
+        "judges",
+        "replay",
+        "adaptation",
+        "weights",
+        "opinions",
+        "costs",
+        "configuration",
+    ];
     assert_eq!(seen["sections"], Value::from(sections.to_vec()));
 }
 
@@ -120,20 +129,25 @@ fn the_page_of_free_throws_plays_demonstrations_and_agents() {
     let found = data(&scratch, "run/report.html");
     assert_eq!(said["report"], found["report"]);
 
-    // Eight demonstrations, and the agent before and after each of them.
+    // Eight demonstrations, and the agent of each judge before and after each of them.
     let episodes = found["replay"]["episodes"].as_array().unwrap();
     let of = |part: &str| episodes.iter().filter(|episode| episode["part"] == part).count();
-    assert_eq!((of("demonstration"), of("before"), of("after")), (8, 1, 8));
+    assert_eq!((of("demonstration"), of("before"), of("after")), (8, 2, 16));
     let bodies = found["replay"]["scene"]["bodies"].as_u64().unwrap();
     for episode in episodes {
         let bytes = episode["frames"].as_u64().unwrap() * bodies * 14;
         assert_eq!(episode["poses"].as_str().unwrap().len() as u64, bytes.div_ceil(3) * 4);
     }
-    // The file of the scores says what each of these episodes scored.
-    let scores: Value = serde_json::from_slice(&scratch.files("run")["scores.json"]).unwrap();
-    for of in scores["suitabilities"].as_array().unwrap() {
-        let after = episodes.iter().find(|one| one["part"] == "after" && one["demo"] == of["demo"]).unwrap();
-        assert!(of["after"][0].as_array().unwrap().contains(&after["score"]), "{}", of["demo"]);
+    // The files of the scores say what each of these episodes scored.
+    for judge in ["cloning", "paper"] {
+        let scores = &scratch.files("run")[&format!("scores_{judge}.json")];
+        let scores: Value = serde_json::from_slice(scores).unwrap();
+        for of in scores["suitabilities"].as_array().unwrap() {
+            let is_it =
+                |one: &&Value| one["part"] == "after" && one["judge"] == judge && one["demo"] == of["demo"];
+            let after = episodes.iter().find(is_it).unwrap();
+            assert!(of["after"][0].as_array().unwrap().contains(&after["score"]), "{judge}: {}", of["demo"]);
+        }
     }
     let size = std::fs::metadata(scratch.0.join("run/report.html")).unwrap().len();
     assert!(size < 10_000_000, "{size} bytes");
@@ -143,9 +157,9 @@ fn the_page_of_free_throws_plays_demonstrations_and_agents() {
         assert_eq!(seen["errors"], Value::Array(vec![]), "{seen}");
         assert_eq!((&seen["rows"], &seen["wide"]), (&Value::from(8), &Value::from(false)), "{seen}");
         // A panel that shows nothing but the sky has one color.
-        let thirds = seen["thirds"].as_array().unwrap();
-        assert_eq!(thirds.len(), 3);
-        assert!(thirds.iter().all(|colors| colors.as_u64().unwrap() > 50), "{seen}");
+        let quarters = seen["quarters"].as_array().unwrap();
+        assert_eq!(quarters.len(), 4);
+        assert!(quarters.iter().all(|colors| colors.as_u64().unwrap() > 50), "{seen}");
     }
 }
 

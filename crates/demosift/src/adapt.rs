@@ -187,6 +187,8 @@ pub struct Adapted {
     pub learner: Learner,
     /// One report an iteration: the adaptation curve.
     pub curve: Vec<UpdateReport>,
+    /// Environment steps that it took.
+    pub played: u64,
 }
 
 /// Adapts a learner to demonstrated pairs for some iterations (Algorithm 2, lines 3–10).
@@ -202,7 +204,7 @@ pub fn adapt(
     let episodes = inner.episodes(playground.specification().horizon);
     let mut last = Vec::with_capacity(averaged);
     let mut adam = inner.adam(learner);
-    let mut adapted = Adapted { learner: learner.clone(), curve: Vec::with_capacity(iterations) };
+    let mut adapted = Adapted { learner: learner.clone(), curve: Vec::with_capacity(iterations), played: 0 };
     for iteration in 0..iterations {
         let seeds = seed.of("play").at(iteration).many(episodes);
         let trajectories =
@@ -220,6 +222,7 @@ pub fn adapt(
         .map_err(|error| error.during(&format!("adaptation, iteration {iteration}")))?;
         adapted.learner = learner;
         adapted.curve.push(report);
+        adapted.played += trajectories.iter().map(|played| played.steps() as u64).sum::<u64>();
         if iterations - iteration <= averaged {
             last.push(adapted.learner.policy.parameters().to_vec());
         }

@@ -231,24 +231,34 @@ pub(crate) fn cut(run: &Run<'_>) -> usize {
 /// The name of what the selection by weights kept.
 const BY_WEIGHTS: &str = "kept by weights";
 /// The name of what `--keep auto` would keep.
-const SURELY_HELPS: &str = "that surely help";
+const SURELY_HELPS: &str = "surely helping";
 
 /// What final policies could be trained on: what each judge keeps, and what by the one that decides surely helps.
 pub fn worth_training_on(run: &Run<'_>, panel: &Panel, selection: &Selection) -> Result<Vec<NamedSubset>> {
-    let kept_by = |judge: Judge| match (run.config.keep, panel.opinions.len()) {
-        (Keep::Weights, _) => BY_WEIGHTS.to_owned(),
-        (_, 1) => KEPT.to_owned(),
-        _ => format!("{KEPT} by {judge}"),
-    };
-    let mut subsets = vec![NamedSubset::new(&kept_by(panel.decides), &selection.subset.demos)];
+    let mut by_others = Vec::new();
     for opinion in panel.others().filter(|_| run.config.keep != Keep::Weights) {
-        subsets.push(NamedSubset::new(&kept_by(opinion.judge), &kept(run, opinion)?.demos));
+        let demos = kept(run, opinion)?.demos;
+        by_others.push(NamedSubset::new(&format!("{KEPT} by {}", opinion.judge), &demos));
     }
+    by_others.retain(|other| !is_same(&other.demos, &selection.subset.demos));
+    let name = match (run.config.keep, panel.opinions.len(), by_others.len()) {
+        (Keep::Weights, ..) => BY_WEIGHTS.to_owned(),
+        (_, 1, _) => KEPT.to_owned(),
+        (_, _, 0) => format!("{KEPT} by both"),
+        _ => format!("{KEPT} by {}", panel.decides),
+    };
+    let mut subsets = vec![NamedSubset::new(&name, &selection.subset.demos)];
+    subsets.extend(by_others);
     let surely = panel.deciding().uncertainty.surely_helpful();
-    if run.config.keep != Keep::Auto && !surely.is_empty() {
+    if !surely.is_empty() && !subsets.iter().any(|known| is_same(&known.demos, &surely)) {
         subsets.push(NamedSubset::new(SURELY_HELPS, &surely));
     }
     Ok(subsets)
+}
+
+/// Whether both hold the same demonstrations, in whatever order.
+fn is_same(one: &[DemoId], other: &[DemoId]) -> bool {
+    one.len() == other.len() && one.iter().all(|demo| other.contains(demo))
 }
 
 /// What a judge would keep, where not weights decide.

@@ -41,6 +41,19 @@ pub struct Forecast {
 }
 
 impl Forecast {
+    /// This and another after it; stages of one name become one.
+    pub fn and(mut self, other: Self) -> Self {
+        for stage in other.stages {
+            match self.stages.iter_mut().find(|known| known.planned.stage == stage.planned.stage) {
+                Some(known) => known.add(&stage),
+                None => self.stages.push(stage),
+            }
+        }
+        self.environment_steps += other.environment_steps;
+        self.minutes += other.minutes;
+        self
+    }
+
     /// That of a run which is finished.
     pub fn nothing() -> Self {
         Self { stages: Vec::new(), environment_steps: 0, minutes: 0.0 }
@@ -55,6 +68,15 @@ pub struct Foreseen {
     pub planned: Planned,
     /// Minutes that it will take.
     pub minutes: f64,
+}
+
+impl Foreseen {
+    fn add(&mut self, other: &Self) {
+        self.minutes += other.minutes;
+        self.planned.environment_steps += other.planned.environment_steps;
+        self.planned.updates += other.planned.updates;
+        self.planned.at_most |= other.planned.at_most;
+    }
 }
 
 /// Seconds since some moment.

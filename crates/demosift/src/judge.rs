@@ -240,6 +240,8 @@ pub struct Outcome {
     curve: Vec<UpdateReport>,
     /// θ_ij, of the first repeat only.
     policy: Option<Policy>,
+    /// Environment steps that it took.
+    played: u64,
 }
 
 /// Where judging stands; from here it goes on to the identical result.
@@ -252,6 +254,11 @@ impl JudgingState {
     /// Units that are finished.
     pub fn done(&self) -> usize {
         self.finished.len()
+    }
+
+    /// Environment steps that the finished units took, however often the run was killed between them.
+    pub fn played(&self) -> u64 {
+        self.finished.values().map(|outcome| outcome.played).sum()
     }
 }
 
@@ -290,8 +297,8 @@ pub const STAGE: &str = "judge";
 ///     part: "",
 ///     seed: &Seed::new(7),
 /// };
-/// let nothing = JudgingState::default(); // or what was judged before a kill
-/// let judged = judge(&trial, nothing, &mut Silent)?;
+/// let mut nothing = JudgingState::default(); // or what was judged before a kill
+/// let judged = judge(&trial, &mut nothing, &mut Silent)?;
 ///
 /// // One suitability for each demonstration under each of the task's variants, which here is one.
 /// let scores: Vec<f64> = judged.scores.suitabilities.iter().map(|of| of.score()).collect();
@@ -301,13 +308,13 @@ pub const STAGE: &str = "judge";
 /// assert_eq!(judged.adapted.len(), 3);
 /// # Ok::<(), demosift::Error>(())
 /// ```
-pub fn judge(trial: &Trial<'_>, mut state: JudgingState, observer: &mut dyn Observer) -> Result<Judged> {
+pub fn judge(trial: &Trial<'_>, state: &mut JudgingState, observer: &mut dyn Observer) -> Result<Judged> {
     let bench = Bench::new(trial);
     let most = steps_in_units(trial);
     observer.on(Event::Started { stage: STAGE, done: state.done(), total: most });
     for round in 0..rounds(trial.judging) {
-        let units = units(trial, &state, round);
-        bench.play(&units, &mut state, observer)?;
+        let units = units(trial, state, round);
+        bench.play(&units, state, observer)?;
     }
     Ok(assemble(trial, state))
 }
@@ -401,7 +408,8 @@ impl<'a> Bench<'a> {
             None => {
                 let played = evaluate(self.trial, &learner.policy, unit.variant, &seed)?;
                 let scores = score(self.trial.playground, &played);
-                Ok(Outcome { scores, distance: 0.0, curve: Vec::new(), policy: None })
+                let played = steps_of(&played);
+                Ok(Outcome { scores, distance: 0.0, curve: Vec::new(), policy: None, played })
             }
         }
     }
@@ -423,7 +431,13 @@ fn imitate_once(
     let played = evaluate(trial, &policy, unit.variant, seed)?;
     let distance = adapted_behaviors::distance(trial.set.get(demo), &played)?;
     let scores = score(trial.playground, &played);
-    Ok(Outcome { scores, distance, curve: adapted.curve, policy: (unit.repeat == 0).then_some(policy) })
+    let policy = (unit.repeat == 0).then_some(policy);
+    let played = adapted.played + steps_of(&played);
+    Ok(Outcome { scores, distance, curve: adapted.curve, policy, played })
+}
+
+fn steps_of(played: &[Trajectory]) -> u64 {
+    played.iter().map(|played| played.steps() as u64).sum()
 }
 
 /// Line 11: a policy on the M evaluation seeds, which are the same for everybody.
@@ -500,7 +514,7 @@ impl<'a> Collecting<'a> {
 }
 
 /// The units as a table.
-fn assemble(trial: &Trial<'_>, state: JudgingState) -> Judged {
+fn assemble(trial: &Trial<'_>, state: &JudgingState) -> Judged {
     let mut judged = Judged::default();
     for variant in trial.playground.specification().variant_ids() {
         let under = |demo: Option<DemoId>| {

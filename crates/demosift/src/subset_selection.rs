@@ -260,7 +260,7 @@ fn assess(round: &Round<'_>, prior: &MetaPrior, observer: &mut dyn Observer) -> 
         part: "",
         seed: &seed,
     };
-    Ok(judge::judge(&trial, JudgingState::default(), &mut within)?.scores)
+    Ok(judge::judge(&trial, &mut JudgingState::default(), &mut within)?.scores)
 }
 
 /// Judging as a round does it: each demonstration once, by few iterations.

@@ -4,9 +4,9 @@ use demosift::demonstration::{DemoId, DemonstrationSet};
 use demosift::forecast::Goal;
 use demosift::{Error, Result};
 use demosift::{experiment, metrics};
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::{dry_run, kept_in, select};
+use super::{dry_run, goals, kept_in, select};
 use crate::arguments::ImitateArguments;
 use crate::job::{Job, Prior};
 use crate::{tables, terminal};
@@ -18,15 +18,15 @@ pub(crate) fn run(arguments: &ImitateArguments) -> Result<()> {
     let mut job = Job::open_checked(&arguments.job, prior, |set, _| check(ids, set))?;
     let (run, demos) = (&arguments.job.run, named(ids));
     match (demos.is_empty(), run.dry_run) {
-        (true, true) => dry_run::of_job(&mut job, Goal::Comparison, run),
+        (true, true) => goals::dry_run_each(&mut job, Goal::Comparison, Some(Goal::OneTraining), run),
         (false, true) => dry_run::of_job(&mut job, Goal::Policy(&part(&demos), &demos), run),
-        (true, false) => compare(&mut job, run.json),
+        (true, false) => goals::each(&mut job, run, compare),
         (false, false) => imitate_named(&mut job, &demos, run.json),
     }
 }
 
 /// The selected subset beside the whole set.
-fn compare(job: &mut Job, json: bool) -> Result<()> {
+fn compare(job: &mut Job, json: bool) -> Result<Value> {
     let ids = job.set().ids();
     let (from_subset, from_all) = job.run(|run| {
         let subset = select::selection(run)?.subset;
@@ -34,7 +34,7 @@ fn compare(job: &mut Job, json: bool) -> Result<()> {
         Ok((from_subset, experiment::learning_curve(run, "all", &ids)?))
     })?;
     if json {
-        terminal::show_json(&json!({
+        return Ok(json!({
             "kept": from_subset.demos,
             "from_subset": from_subset.outcome,
             "from_all": from_all.outcome,
@@ -43,11 +43,10 @@ fn compare(job: &mut Job, json: bool) -> Result<()> {
             "variant": job.variant(),
             "run_folder": job.folder().path(),
         }));
-        return Ok(());
     }
     terminal::show(&tables::comparison(job.set(), &from_subset, &from_all, job.unit()));
     terminal::show(&kept_in(job.folder(), job.variant()));
-    Ok(())
+    Ok(Value::Null)
 }
 
 fn imitate_named(job: &mut Job, demos: &[DemoId], json: bool) -> Result<()> {

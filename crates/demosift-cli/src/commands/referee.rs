@@ -2,9 +2,9 @@
 
 use demosift::forecast::Goal;
 use demosift::{Result, experiment};
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::{dry_run, kept_in};
+use super::{goals, kept_in};
 use crate::arguments::JobArguments;
 use crate::job::{Job, Prior};
 use crate::{tables, terminal};
@@ -12,23 +12,27 @@ use crate::{tables, terminal};
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = Job::open(arguments, Prior::Needed)?;
     if arguments.run.dry_run {
-        return dry_run::of_job(&mut job, Goal::Verdict, &arguments.run);
+        return goals::dry_run_each(&mut job, Goal::Verdict, Some(Goal::Referee), &arguments.run);
     }
+    goals::each(&mut job, &arguments.run, one)
+}
+
+/// The referee of a task with one goal.
+fn one(job: &mut Job, json: bool) -> Result<Value> {
     let verdict = job.run(|run| {
         let panel = experiment::panel(run)?;
         let selection = experiment::selection(run, &panel)?;
         experiment::verdict(run, &experiment::worth_training_on(run, &panel, &selection)?)
     })?;
-    if arguments.run.json {
-        terminal::show_json(&json!({
+    if json {
+        return Ok(json!({
             "verdict": verdict,
             "unit": job.unit(),
             "variant": job.variant(),
             "run_folder": job.folder().path(),
         }));
-        return Ok(());
     }
     terminal::show(&tables::verdict::verdict(&verdict, job.unit()));
     terminal::show(&kept_in(job.folder(), job.variant()));
-    Ok(())
+    Ok(Value::Null)
 }

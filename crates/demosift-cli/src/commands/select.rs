@@ -6,9 +6,9 @@ use demosift::experiment::{self, Run, Selection};
 use demosift::forecast::Goal;
 use demosift::select::Keep;
 use demosift::subset_selection::Weighing;
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::{dry_run, kept_in};
+use super::{goals, kept_in};
 use crate::arguments::JobArguments;
 use crate::job::{Job, Prior};
 use crate::tables::judgment::{self, Judgment};
@@ -18,12 +18,17 @@ use crate::terminal;
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = Job::open(arguments, Prior::Needed)?;
     if arguments.run.dry_run {
-        return dry_run::of_job(&mut job, Goal::Selection, &arguments.run);
+        return goals::dry_run_each(&mut job, Goal::Selection, None, &arguments.run);
     }
+    goals::each(&mut job, &arguments.run, one)
+}
+
+/// The selection of a task with one goal.
+fn one(job: &mut Job, json: bool) -> Result<Value> {
     let Selection { ranking, uncertainty, subset } = job.run(selection)?;
-    let (weighing, costs) = (weighing(&mut job)?, job.costs()?);
-    if arguments.run.json {
-        terminal::show_json(&json!({
+    let (weighing, costs) = (weighing(job)?, job.costs()?);
+    if json {
+        return Ok(json!({
             "ranking": ranking.entries,
             "uncertainty": uncertainty,
             "caveat": uncertainty.caveat(),
@@ -34,7 +39,6 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
             "variant": job.variant(),
             "run_folder": job.folder().path(),
         }));
-        return Ok(());
     }
     let judgment =
         Judgment { set: job.set(), ranking: &ranking, uncertainty: &uncertainty, unit: job.unit() };
@@ -42,7 +46,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     terminal::show(&weighing.map_or(String::new(), |weighing| format!("\n{}", weights::trends(&weighing))));
     terminal::show(&costs::played(&costs));
     terminal::show(&kept_in(job.folder(), job.variant()));
-    Ok(())
+    Ok(Value::Null)
 }
 
 /// All arrows up to the selection.

@@ -5,9 +5,9 @@ use demosift::experiment::{self, Selection, Sifted};
 use demosift::forecast::Goal;
 use demosift::method::Costs;
 use demosift::subset_selection::Weighing;
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::{dry_run, judge, kept_in, report, select};
+use super::{goals, judge, kept_in, report, select};
 use crate::arguments::JobArguments;
 use crate::job::{Job, Prior};
 use crate::own_heuristic::Beside;
@@ -18,17 +18,21 @@ use crate::{tables, terminal};
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = Job::open(arguments, Prior::Needed)?;
     if arguments.run.dry_run {
-        return dry_run::of_job(&mut job, Goal::Verdict, &arguments.run);
+        return goals::dry_run_each(&mut job, Goal::Verdict, Some(Goal::Referee), &arguments.run);
     }
-    judge::first_then_all(&mut job, arguments.run.json)?;
+    goals::each(&mut job, &arguments.run, one)
+}
+
+/// The job of a task with one goal.
+fn one(job: &mut Job, json: bool) -> Result<Value> {
+    judge::first_then_all(job, json)?;
     let sifted = job.run(experiment::sift)?;
-    let (weighing, costs) = (select::weighing(&mut job)?, job.costs()?);
-    let Sifted { selection, verdict, .. } = &sifted;
-    let Selection { ranking, uncertainty, subset } = selection;
+    let (weighing, costs) = (select::weighing(job)?, job.costs()?);
     let beside = job.beside(sifted.data_only.clone());
-    if arguments.run.json {
-        let page = report::write(&mut job)?;
-        terminal::show_json(&json!({
+    if json {
+        let Selection { ranking, uncertainty, subset } = &sifted.selection;
+        let page = report::write(job)?;
+        return Ok(json!({
             "ranking": ranking.entries,
             "uncertainty": uncertainty,
             "caveat": uncertainty.caveat(),
@@ -37,20 +41,19 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
             "kept": subset.demos,
             "weighing": weighing,
             "costs": costs::as_json(&costs),
-            "verdict": verdict,
+            "verdict": sifted.verdict,
             "unit": job.unit(),
             "report": page,
             "variant": job.variant(),
             "run_folder": job.folder().path(),
         }));
-        return Ok(());
     }
-    show(&job, &sifted, weighing.as_ref(), &beside, &costs);
+    show(job, &sifted, weighing.as_ref(), &beside, &costs);
     // After the tables, which took hours and are worth having even if the page cannot be written.
-    let page = report::write(&mut job)?;
+    let page = report::write(job)?;
     terminal::show(&format!("\nReport: {}", page.display()));
     terminal::show(&kept_in(job.folder(), job.variant()));
-    Ok(())
+    Ok(Value::Null)
 }
 
 /// The tables of the whole job.

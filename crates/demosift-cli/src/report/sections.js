@@ -148,7 +148,7 @@ const IMITATORS = { behavioral_cloning: "cloning", gail: "GAIL" };
 function candidateName({ names, side, size }) {
   if (side === "whole") return `all ${size}`;
   if (side === "random") return `random ${size}`;
-  return `the ${size} ${names.join(" and ")}`;
+  return `${size} ${names.join(", ")}`;
 }
 
 function verdict() {

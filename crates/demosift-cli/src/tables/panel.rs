@@ -18,7 +18,7 @@ fn beside_each_other(panel: &Panel, unit: &str) -> String {
     let scale = Scale::of(doubts().flat_map(|doubt| [doubt.low, doubt.high]), unit);
     let mut header = vec!["demonstration".to_owned()];
     for opinion in &panel.opinions {
-        header.push(format!("by {}", opinion.judge));
+        header.push(opinion.judge.to_string());
         header.push(scale.title("gain"));
         header.push(format!("{} interval", percent(opinion.uncertainty.level)));
     }

@@ -13,7 +13,8 @@ pub(crate) fn verdict(verdict: &Verdict, unit: &str) -> String {
     let scale = Scale::of(verdict.pairs.iter().map(|pair| pair.mean), unit);
     let title = scale.title("heuristic");
     let knows_success = verdict.pairs.iter().any(|pair| pair.success.is_some());
-    let mut header = vec!["policies from", "by", "trainings", title.as_str(), "95 % interval"];
+    let title = format!("{title} ± 95 %");
+    let mut header = vec!["policies from", "by", "times", title.as_str()];
     if knows_success {
         header.push("success");
     }
@@ -23,8 +24,7 @@ pub(crate) fn verdict(verdict: &Verdict, unit: &str) -> String {
             name(&verdict.candidates[pair.trained.candidate]),
             imitator_name(pair.trained.imitator).to_owned(),
             pair.trained.trainings.len().to_string(),
-            scale.plain(pair.mean),
-            interval(pair, scale),
+            with_interval(pair, scale),
         ];
         if knows_success {
             row.push(pair.success.map_or("-".to_owned(), percent));
@@ -40,16 +40,17 @@ pub(crate) fn verdict(verdict: &Verdict, unit: &str) -> String {
 /// A candidate in a table; which demonstrations it has, the sentence says.
 fn name(Candidate { names, side, size, .. }: &Candidate) -> String {
     match side {
-        Side::Kept => format!("the {size} {}", names.join(" and ")),
+        Side::Kept => format!("{size} {}", names.join(", ")),
         Side::Whole => format!("all {size}"),
         Side::Random => format!("random {size}"),
     }
 }
 
-fn interval(pair: &Pair, scale: Scale<'_>) -> String {
-    match (pair.low, pair.high) {
-        (Some(low), Some(high)) => format!("[{}, {}]", scale.plain(low), scale.plain(high)),
-        _ => "-".to_owned(),
+/// The mean, and half of its interval, which is as long on both sides.
+fn with_interval(pair: &Pair, scale: Scale<'_>) -> String {
+    match pair.high {
+        Some(high) => format!("{} ± {}", scale.plain(pair.mean), scale.plain(high - pair.mean)),
+        None => scale.plain(pair.mean),
     }
 }
 

@@ -23,6 +23,12 @@ checkpoint_every = 2
 iterations = 2
 evaluations = 4
 repeats = 2
+[cloning_judge.judging]
+iterations = 4
+averaged = 2
+evaluations = 4
+repeats = 2
+most_repeats = 3
 [imitate]
 environment_steps = 1800
 evaluations = 4
@@ -76,14 +82,13 @@ impl Scratch {
         String::from_utf8(output.stdout).unwrap()
     }
 
-    /// All files of a folder by name.
+    /// All files of a folder by name, but those in folders of its own.
     pub(crate) fn files(&self, folder: &str) -> BTreeMap<String, Vec<u8>> {
         std::fs::read_dir(self.0.join(folder))
             .unwrap()
-            .map(|entry| {
-                let entry = entry.unwrap();
-                (entry.file_name().into_string().unwrap(), std::fs::read(entry.path()).unwrap())
-            })
+            .map(|entry| entry.unwrap())
+            .filter(|entry| entry.path().is_file())
+            .map(|entry| (entry.file_name().into_string().unwrap(), std::fs::read(entry.path()).unwrap()))
             .collect()
     }
 }

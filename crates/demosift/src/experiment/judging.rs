@@ -150,10 +150,11 @@ fn judged(run: &mut Run<'_>, judge: Judge, start: Start<'_>, inner: &InnerUpdate
     let (cut, part, seed) = (cut(run), judge.name(), judging_seed(run.config, judge));
     let Run { set, playground, ledger, observer, .. } = run;
     let anew = || Ok(JudgingState::default());
-    let (state, mut keeping) = Keeping::begin((*ledger, *observer), playground, judge::STAGE, part, anew)?;
+    let (mut state, mut keeping) =
+        Keeping::begin((*ledger, *observer), playground, judge::STAGE, part, anew)?;
     let trial = Trial { set, playground, start, inner, judging, cut, part, seed: &seed };
-    let judged = judge::judge(&trial, state, &mut keeping)?;
-    keeping.finish(part, &judged)?;
+    let judged = judge::judge(&trial, &mut state, &mut keeping)?;
+    keeping.finish_having(state.played(), part, &judged)?;
     Ok(judged.scores)
 }
 

@@ -37,6 +37,10 @@ pub enum Goal<'a> {
     Comparison,
     /// What the referee says.
     Verdict,
+    /// The policy from the subset and that from all, after all was judged elsewhere.
+    OneTraining,
+    /// The final policies alone, after all was judged elsewhere.
+    Referee,
     /// One policy from these demonstrations, under the name of its part.
     Policy(&'a str, &'a [DemoId]),
     /// Each demonstration alone so often, and so many random subsets.
@@ -102,11 +106,15 @@ pub fn planned(run: &Run<'_>, goal: Goal<'_>) -> Result<Vec<Planned>> {
         }
         Goal::Comparison => {
             stages = planned(run, Goal::Selection)?;
+            stages.extend(planned(run, Goal::OneTraining)?);
+        }
+        Goal::OneTraining => {
             let kept = Subset::recall(run.ledger, "")?.map(|subset| subset.demos);
             let size = kept.as_ref().map_or_else(|| likely_size(run), Vec::len);
             stages.extend(imitation(run, "subset", kept.as_deref(), size)?);
             stages.extend(imitation(run, "all", Some(&run.set.ids()), count)?);
         }
+        Goal::Referee => stages.extend(verdict(run)?),
         Goal::Verdict => {
             stages = planned(run, Goal::Selection)?;
             stages.extend(verdict(run)?);

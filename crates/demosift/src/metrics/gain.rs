@@ -69,7 +69,14 @@ mod tests {
     use crate::seed::Seed;
 
     fn point(score: Score, standard_error: f64) -> CurvePoint {
-        CurvePoint { updates: 0, environment_steps: 0, score, standard_error, success: None, true_return: None }
+        CurvePoint {
+            updates: 0,
+            environment_steps: 0,
+            score,
+            standard_error,
+            success: None,
+            true_return: None,
+        }
     }
 
     fn curve(scores: &[Score]) -> LearningCurve {

@@ -8,7 +8,14 @@ use crate::seed::Rng;
 
 /// Trainings with these outcomes.
 pub(super) fn scored(scores: &[Score], standard_error: f64) -> Vec<Training> {
-    let point = |score| CurvePoint { updates: 0, environment_steps: 0, score, standard_error, success: None, true_return: None };
+    let point = |score| CurvePoint {
+        updates: 0,
+        environment_steps: 0,
+        score,
+        standard_error,
+        success: None,
+        true_return: None,
+    };
     let training = |score: &Score| Training { outcome: point(*score), end: point(*score), chosen_by: *score };
     scores.iter().map(training).collect()
 }

@@ -185,7 +185,7 @@ fn an_evaluation_is_played_again_to_the_bit_and_a_changed_one_is_refused() {
         part: "",
         seed: &seed,
     };
-    let judged = judge::judge(&trial, JudgingState::default(), &mut Silent).expect("judged");
+    let judged = judge::judge(&trial, &mut JudgingState::default(), &mut Silent).expect("judged");
     for (of, adapted) in judged.scores.suitabilities.iter().zip(&judged.adapted) {
         for evaluation in 0..3 {
             let again = |policy| {
