@@ -5,10 +5,10 @@
 //!
 //! | Algorithm 2 | here |
 //! |---|---|
-//! | 1, 2: for all e_j, for all v_i | [`targets`], each with its repeats |
+//! | 1, 2: for all e_j, for all v_i | [`units`], each with its repeats |
 //! | 3, 4: θ_ij ← θ, D_i ← D_meta | [`Start`] |
-//! | 5–10: adapt | [`adapt::adapt`] in [`imitate_once`] |
-//! | 11: evaluate θ_ij for M random seeds | [`evaluate`] |
+//! | 5–10: adapt | [`crate::adapt::adapt`] in [`bench`] |
+//! | 11: evaluate θ_ij for M random seeds | [`bench`] |
 //! | 12: S = K(after) − K(before) (Eq. 8) | [`Suitability::score`] |
 //! | 14: i_opt (Eq. 9) | [`crate::select`] |
 //!
@@ -17,17 +17,17 @@
 //! Repeats go where they are needed: who surely belongs to one side of the cut gets no more of them ([`race`]).
 //! θ may also be a policy that knows nothing, drawn anew for each repeat; that is judging from scratch (§5.4).
 
+mod bench;
 pub mod race;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::sync::Mutex;
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::adapt::{self, Course, InnerUpdate, Learner, MetaPrior, UpdateReport};
-use crate::adapted_behaviors;
+use bench::Bench;
+
+use crate::adapt::{InnerUpdate, Learner, MetaPrior, UpdateReport};
 use crate::demonstration::{DemoId, DemonstrationSet};
 use crate::environment::{EnvVariant, Specification};
 use crate::error::Result;
@@ -35,7 +35,6 @@ use crate::heuristic::Score;
 use crate::observer::{Event, Observer};
 use crate::policy::{Policy, PolicyShape};
 use crate::rollout::{self, Acting, Playground};
-use crate::rows::Rows;
 use crate::seed::Seed;
 use crate::trajectory::Trajectory;
 
@@ -370,149 +369,6 @@ fn contested(trial: &Trial<'_>, state: &JudgingState, variant: EnvVariant, round
     open.into_iter().map(DemoId).collect()
 }
 
-/// What all units share.
-struct Bench<'a> {
-    trial: &'a Trial<'a>,
-    /// The pairs of each demonstration behind the filter of the set, which all learners share.
-    pairs: Vec<Rows>,
-}
-
-impl<'a> Bench<'a> {
-    fn new(trial: &'a Trial<'a>) -> Self {
-        let learner = trial.start.learner(trial.set, 0, trial.seed);
-        Self { trial, pairs: learner.demonstrated_pairs(trial.set) }
-    }
-
-    /// Plays the units that are not finished yet, as many at once as there are threads, begun in their order.
-    fn play(&self, units: &[Unit], state: &mut JudgingState, observer: &mut dyn Observer) -> Result<()> {
-        let missing: Vec<Unit> =
-            units.iter().filter(|unit| !state.finished.contains_key(unit)).copied().collect();
-        let collecting = Mutex::new(Collecting::new(self.trial.part, units, state, observer));
-        let played = missing.iter().par_bridge().try_for_each(|unit| {
-            let outcome = self.outcome(unit).map_err(|error| error.during(&unit.in_words()))?;
-            collecting.lock().expect("no thread panics while it holds the lock").take(*unit, outcome);
-            Ok(())
-        });
-        // Also after an error: what is finished need not be done again.
-        collecting.into_inner().expect("no thread panics while it holds the lock").checkpoint();
-        played
-    }
-
-    /// Lines 3 to 11 once; nothing is imitated where the unit is about the agent before.
-    fn outcome(&self, unit: &Unit) -> Result<Outcome> {
-        let Trial { set, start, seed, .. } = self.trial;
-        let learner = start.learner(set, unit.repeat, seed);
-        let seed = seed_under(seed, self.trial.playground, unit.variant);
-        match unit.demo {
-            Some(demo) => imitate_once(self.trial, &learner, (demo, &self.pairs[demo.0]), unit, &seed),
-            None => {
-                let played = evaluate(self.trial, &learner.policy, unit.variant, &seed)?;
-                let scores = score(self.trial.playground, &played);
-                let played = steps_of(&played);
-                Ok(Outcome { scores, distance: 0.0, curve: Vec::new(), policy: None, played })
-            }
-        }
-    }
-}
-
-/// Lines 3 to 11 for one demonstration, whose pairs stand beside it.
-fn imitate_once(
-    trial: &Trial<'_>,
-    learner: &Learner,
-    (demo, pairs): (DemoId, &Rows),
-    unit: &Unit,
-    seed: &Seed,
-) -> Result<Outcome> {
-    let Judging { iterations, averaged, .. } = *trial.judging;
-    let course = Course { inner: trial.inner, iterations, averaged };
-    let adapting = seed.of("adapt").at(unit.repeat);
-    let adapted = adapt::adapt(learner, &[pairs], trial.playground, unit.variant, &course, &adapting)?;
-    let policy = adapted.learner.policy;
-    let played = evaluate(trial, &policy, unit.variant, seed)?;
-    let distance = adapted_behaviors::distance(trial.set.get(demo), &played)?;
-    let scores = score(trial.playground, &played);
-    let policy = (unit.repeat == 0).then_some(policy);
-    let played = adapted.played + steps_of(&played);
-    Ok(Outcome { scores, distance, curve: adapted.curve, policy, played })
-}
-
-fn steps_of(played: &[Trajectory]) -> u64 {
-    played.iter().map(|played| played.steps() as u64).sum()
-}
-
-/// Line 11: a policy on the M evaluation seeds, which are the same for everybody.
-fn evaluate(trial: &Trial<'_>, policy: &Policy, variant: EnvVariant, seed: &Seed) -> Result<Vec<Trajectory>> {
-    let seeds = evaluation_seeds(seed, trial.judging.evaluations);
-    rollout::play(trial.playground, policy, trial.judging.acting, variant, seeds)
-}
-
-/// K.
-fn score(playground: &Playground<'_>, played: &[Trajectory]) -> Vec<Score> {
-    played.iter().map(|played| playground.score(played)).collect()
-}
-
-impl Unit {
-    fn in_words(self) -> String {
-        match self.demo {
-            Some(demo) => format!("judging demonstration {demo}"),
-            None => "evaluating the agent before it imitates".to_owned(),
-        }
-    }
-}
-
-/// A checkpoint is written when the state has grown by such a share since the last one, so that writing stays linear in the
-/// number of units, and at most that share is lost by a kill.
-const GROWTH: usize = 16;
-
-/// Takes outcomes in whatever order they come, and tells of them in that of the units.
-struct Collecting<'a> {
-    part: &'a str,
-    units: &'a [Unit],
-    told: usize,
-    kept: usize,
-    state: &'a mut JudgingState,
-    observer: &'a mut dyn Observer,
-}
-
-impl<'a> Collecting<'a> {
-    fn new(
-        part: &'a str,
-        units: &'a [Unit],
-        state: &'a mut JudgingState,
-        observer: &'a mut dyn Observer,
-    ) -> Self {
-        let mut collecting = Self { part, units, told: 0, kept: state.done(), state, observer };
-        collecting.tell();
-        collecting
-    }
-
-    fn take(&mut self, unit: Unit, outcome: Outcome) {
-        self.state.finished.insert(unit, outcome);
-        self.tell();
-        let done = self.state.done();
-        self.observer.on(Event::Advanced { stage: STAGE, done });
-        if (done - self.kept) * GROWTH >= self.kept.max(1) {
-            self.checkpoint();
-        }
-    }
-
-    fn checkpoint(&mut self) {
-        if self.state.done() > self.kept {
-            self.kept = self.state.done();
-            self.observer.on(Event::Checkpoint { stage: STAGE, part: self.part, state: self.state });
-        }
-    }
-
-    /// Passes on the numbers of all units up to the first that is not finished.
-    fn tell(&mut self) {
-        while let Some(unit) = self.units.get(self.told) {
-            let Some(outcome) = self.state.finished.get(unit) else { return };
-            report(self.part, unit, outcome, self.observer);
-            self.told += 1;
-        }
-    }
-}
-
 /// The units as a table.
 fn assemble(trial: &Trial<'_>, state: &JudgingState) -> Judged {
     let mut judged = Judged::default();
@@ -588,14 +444,4 @@ fn seed_under(seed: &Seed, playground: &Playground<'_>, variant: EnvVariant) -> 
 
 fn evaluation_seeds(seed: &Seed, evaluations: usize) -> Vec<Seed> {
     seed.of("evaluate").many(evaluations)
-}
-
-fn report(judging: &str, unit: &Unit, outcome: &Outcome, observer: &mut dyn Observer) {
-    let Some(demo) = unit.demo else { return };
-    let unit = format!("variant {} demonstration {demo} repeat {}", unit.variant.0, unit.repeat);
-    let part = if judging.is_empty() { unit } else { format!("{judging} {unit}") };
-    for (iteration, update) in outcome.curve.iter().enumerate() {
-        let numbers = &update.numbers();
-        observer.on(Event::Measured { stage: STAGE, part: &part, iteration, numbers });
-    }
 }
