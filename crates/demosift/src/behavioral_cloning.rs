@@ -83,12 +83,14 @@ impl Shown<f32> {
         Self { observations, actions }
     }
 
-    /// The pairs of these numbers.
-    fn chosen(&self, rows: &[usize], (observation, action): (usize, usize)) -> Self {
-        let pick = |values: &[f32], width: usize| {
-            rows.iter().flat_map(|row| values[row * width..(row + 1) * width].to_vec()).collect()
+    /// Takes the pairs of these numbers from `all` in place of what was here.
+    fn choose(&mut self, all: &Self, rows: &[usize], network: &Mlp) {
+        let pick = |into: &mut Vec<f32>, from: &[f32], width: usize| {
+            into.clear();
+            rows.iter().for_each(|row| into.extend_from_slice(&from[row * width..(row + 1) * width]));
         };
-        Self { observations: pick(&self.observations, observation), actions: pick(&self.actions, action) }
+        pick(&mut self.observations, &all.observations, network.input_width());
+        pick(&mut self.actions, &all.actions, network.output_width());
     }
 }
 
@@ -110,7 +112,8 @@ pub fn clone(
         Descent::Adam => Some(descend_with_adam(network, start, &shown, (cloning, rate), (adam, seed))),
     };
     let parameters = parameters.unwrap_or_else(|| start.to_vec());
-    let loss = |at: &[f32]| loss_and_gradient(network, at, &shown, &mut Tape::default()).0;
+    let loss =
+        |at: &[f32]| loss_of(&errors(network, at, &shown, &mut Tape::default()), steps(network, &shown));
     let cloned = Cloned { loss_before: loss(start), loss_after: loss(&parameters) };
     if !(cloned.loss_before.is_finite() && cloned.loss_after.is_finite()) {
         return Err(Error::diverged(format!(
@@ -130,13 +133,29 @@ pub fn loss_and_gradient<T: Real>(
     shown: &Shown<T>,
     tape: &mut Tape<T>,
 ) -> (f64, Vec<T>) {
-    let errors = errors(network, parameters, shown, tape);
-    let steps = steps(network, shown);
-    let loss = errors.iter().map(|error| error.to_f64().powi(2)).sum::<f64>() / steps;
-    let cotangents: Vec<T> = errors.iter().map(|error| T::from_f64(2.0 / steps) * *error).collect();
     let mut gradient = vec![T::ZERO; parameters.len()];
-    network.vjp(parameters, &shown.observations, tape, &cotangents, &mut gradient);
+    let errors = errors(network, parameters, shown, tape);
+    let loss = loss_of(&errors, steps(network, shown));
+    add_gradient(network, parameters, shown, (tape, errors), &mut gradient);
     (loss, gradient)
+}
+
+/// 1/T Σ of the squared errors `[T, act]`.
+fn loss_of<T: Real>(errors: &[T], steps: f64) -> f64 {
+    errors.iter().map(|error| error.to_f64().powi(2)).sum::<f64>() / steps
+}
+
+/// Adds ∇L_v(θ) from the errors `[T, act]` at θ, whose forward pass the tape holds.
+fn add_gradient<T: Real>(
+    network: &Mlp,
+    parameters: &[T],
+    shown: &Shown<T>,
+    (tape, mut errors): (&mut Tape<T>, Vec<T>),
+    gradient: &mut [T],
+) {
+    let scale = T::from_f64(2.0 / steps(network, shown));
+    errors.iter_mut().for_each(|error| *error = scale * *error);
+    network.vjp(parameters, &shown.observations, tape, &errors, gradient);
 }
 
 /// ∇²L_v(θ) · v, `[P]`.
@@ -197,9 +216,10 @@ fn descend_with_adam(
     (cloning, rate): (&Cloning, f64),
     (adam, seed): (&mut Adam, Seed),
 ) -> Vec<f32> {
-    let widths = (network.input_width(), network.output_width());
-    let mut order: Vec<usize> = (0..shown.actions.len() / widths.1).collect();
+    let mut order: Vec<usize> = (0..shown.actions.len() / network.output_width()).collect();
     let (mut parameters, mut tape, mut rng) = (start.to_vec(), Tape::default(), seed.into_rng());
+    let mut batch = Shown { observations: Vec::new(), actions: Vec::new() };
+    let mut gradient = vec![0.0; start.len()];
     let mut next = order.len();
     for _ in 0..cloning.steps {
         if next >= order.len() {
@@ -207,8 +227,10 @@ fn descend_with_adam(
             next = 0;
         }
         let end = order.len().min(next + cloning.batch);
-        let batch = shown.chosen(&order[next..end], widths);
-        let gradient = loss_and_gradient(network, &parameters, &batch, &mut tape).1;
+        batch.choose(shown, &order[next..end], network);
+        let errors = errors(network, &parameters, &batch, &mut tape);
+        gradient.fill(0.0);
+        add_gradient(network, &parameters, &batch, (&mut tape, errors), &mut gradient);
         adam.descend(rate as f32, &gradient, &mut parameters);
         next = end;
     }
