@@ -354,7 +354,9 @@ mod tests {
     #[test]
     fn pairs_of_several_demonstrations_are_split_and_chosen_by_number() {
         let shown = Shown { observations: (0..7).map(|i| i as f32).collect(), actions: vec![0.0; 7] };
-        assert_eq!(shown.chosen(&[6, 2], (1, 1)).observations, [6.0, 2.0]);
+        let mut chosen = Shown { observations: vec![9.0], actions: vec![9.0] };
+        chosen.choose(&shown, &[6, 2], &Mlp::new(&[1, 1, 1, 1]));
+        assert_eq!((chosen.observations, chosen.actions), (vec![6.0, 2.0], vec![0.0; 2]));
         let halves: Vec<Rows> = [&[0.0, 1.0, 2.0, 3.0][..], &[4.0, 5.0]]
             .into_iter()
             .map(|flat| Rows::from_flat(flat.to_vec(), 2).expect("whole rows"))
