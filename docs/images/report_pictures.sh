@@ -21,7 +21,7 @@ shoot() {
     "file://$2$moment" >"$profile/log" 2>&1 || { cat "$profile/log"; exit 1; }
 }
 
-shoot light "$page" 1120 1420
-shoot dark "$page" 1120 1420 --blink-settings=preferredColorScheme=0
+shoot light "$page" 1120 1390
+shoot dark "$page" 1120 1390 --blink-settings=preferredColorScheme=0
 shoot narrow "$page" 480 1900
 shoot judges "$lower" 1120 990
