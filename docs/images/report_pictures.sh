@@ -9,14 +9,19 @@ moment=${3:-'#at=0.8'}
 profile=$(mktemp -d)
 trap 'rm -rf "$profile"' EXIT
 
-# name, width, height, further switches
+# The same page with two of its sections alone, as a picture begins at the top of a page.
+lower=$profile/lower.html
+sed 's|</head>|<style>main > section:not(#judges):not(#replay), #top, #foot { display: none }</style></head>|' "$page" >"$lower"
+
+# name, page, width, height, further switches
 shoot() {
   chromium --headless --no-sandbox --disable-dev-shm-usage --disable-quic --no-first-run --disable-background-networking --disable-component-update \
     --disable-sync --user-data-dir="$profile/$1" --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader \
-    --hide-scrollbars --virtual-time-budget=4000 --window-size="$2,$3" --screenshot="$out/report_$1.png" "${@:4}" \
-    "file://$page$moment" >"$profile/log" 2>&1 || { cat "$profile/log"; exit 1; }
+    --hide-scrollbars --virtual-time-budget=4000 --window-size="$3,$4" --screenshot="$out/report_$1.png" "${@:5}" \
+    "file://$2$moment" >"$profile/log" 2>&1 || { cat "$profile/log"; exit 1; }
 }
 
-shoot light 1120 1420
-shoot dark 1120 1420 --blink-settings=preferredColorScheme=0
-shoot narrow 480 1900
+shoot light "$page" 1120 1390
+shoot dark "$page" 1120 1390 --blink-settings=preferredColorScheme=0
+shoot narrow "$page" 480 1900
+shoot judges "$lower" 1120 990

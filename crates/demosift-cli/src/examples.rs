@@ -18,7 +18,9 @@ Examples:
     demosift sift data/free_throw_8 --task free_throw --preset standard --dry-run
   Keep what surely helps, however many that are:
     demosift sift data/free_throw_8 --task free_throw --keep auto --out runs/throws
-  My task has several goals, and I want one of them:
+  My task has several goals, and I want a subset for each:
+    demosift sift data/penalty_save_12 --task penalty_save --out runs/saves
+  I want one of them only:
     demosift sift data/penalty_save_12 --task penalty_save --variant low_left --out runs/low_left
   It was interrupted; go on:
     demosift sift --out runs/throws --resume";
@@ -43,10 +45,10 @@ pub(crate) const JUDGE: &str = "\
 Examples:
   How much does imitating each demonstration help?
     demosift judge data/free_throw_8 --task free_throw --preset quick --out runs/throws
-  By behavioral cloning instead of GAIL:
-    demosift judge data/free_throw_8 --task free_throw --preset quick --set inner.imitation=behavioral_cloning
-  Imitate each demonstration four times, to be surer:
-    demosift judge data/free_throw_8 --task free_throw --set judge.repeats=4 --out runs/surer";
+  By cloning alone, in seconds:
+    demosift judge data/free_throw_8 --task free_throw --judge cloning --out runs/by_cloning
+  As the paper does, each demonstration four times, to be surer:
+    demosift judge data/free_throw_8 --task free_throw --judge paper --set judge.repeats=4 --out runs/surer";
 
 pub(crate) const SELECT: &str = "\
 Examples:
