@@ -116,6 +116,12 @@ pub(crate) fn is_one(folder: &Path) -> bool {
     folder.join(RUN).exists()
 }
 
+/// The first, by name, of the runs within a run's folder: those about one of its goals each.
+pub(crate) fn first_within(folder: &Path) -> Option<PathBuf> {
+    let entries = fs::read_dir(folder).ok()?.filter_map(|entry| entry.ok().map(|entry| entry.path()));
+    entries.filter(|path| is_one(path)).min()
+}
+
 /// Looks into the folder of a finished run without touching it.
 pub(crate) fn of_finished(folder: &Path) -> Result<(Identity, RunFolder)> {
     let file = folder.join(RUN);

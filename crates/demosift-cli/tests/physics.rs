@@ -206,6 +206,11 @@ fn a_set_of_several_goals_is_sifted_for_each_of_them() {
         assert!(!scores.contains("\"variant\": 1"), "{scores}");
     }
     assert!(!scratch.files("run").contains_key("ranking.json"), "no order is that of all goals");
+    let whole = scratch.run("export run --as csv");
+    assert_eq!(whole.status.code(), Some(2));
+    assert!(
+        String::from_utf8(whole.stderr).unwrap().contains("several goals; give the folder of one of them")
+    );
     // A goal is a run like any other, and the whole goes on as it was.
     assert!(scratch.succeed("export run/over --as csv").contains("task penalty_save, variant over, seed"));
     scratch.succeed("report run/over");

@@ -73,9 +73,13 @@ fn open(run: &Path) -> Result<Kept> {
         Error::bad_input("this run has no demonstrations; wanted one of sift or select").at(run)
     })?;
     let subset = Subset::recall(&folder, "")?.ok_or_else(|| {
-        Error::bad_input("this run has kept no demonstrations yet")
-            .at(run)
-            .with_hint("demosift select --resume --out RUN ranks them and keeps the best")
+        let hint = match run_folder::first_within(run) {
+            Some(goal) => {
+                format!("it has several goals; give the folder of one of them, such as {}", goal.display())
+            }
+            None => "demosift select --resume --out RUN ranks them and keeps the best".to_owned(),
+        };
+        Error::bad_input("this run has kept no demonstrations yet").at(run).with_hint(hint)
     })?;
     let demonstrations = demonstrations::open(None, &SourceArguments::default(), Some(&data))?;
     let found = demonstrations.data()?.sha256;

@@ -36,7 +36,8 @@ pub(crate) fn gains(scores: &ScoreTable, variants: &[String], unit: &str) -> Str
         .collect();
     let what = scale.title("gain");
     let rows = table(&header, &rows);
-    let advice = "The ranking is by the mean. To choose for one of them, give its name to a run of its own: --variant NAME --out DIR.";
+    let advice = "The order here is by the mean, which chooses nothing: `demosift sift` and `demosift select` rank and keep for each \
+                  of them by itself.";
     format!("\nThe {what} under each variant, the best marked with *:\n\n{rows}\n{}\n", wrapped(advice))
 }
 

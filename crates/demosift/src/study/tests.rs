@@ -396,7 +396,7 @@ fn a_cell_is_what_a_run_finds() {
     assert_eq!(once + judged.judging.environment_steps, playground.steps_taken());
     let curve = experiment::learning_curve(&mut run, "some", &ids(&[0, 1])).expect("learns");
     assert_eq!(trained.chosen.score, curve.outcome.score);
-    assert_eq!(trained.end.score, curve.points.last().expect("it has an end").score);
+    assert_eq!(trained.end.score, curve.end.score);
     assert_eq!(trained.cost.environment_steps, make::planned_training(&means, Rule::Gail));
     assert!(make::planned_judging(&means) >= playground.steps_taken() - trained.cost.environment_steps);
 }
