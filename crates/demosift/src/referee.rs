@@ -296,6 +296,14 @@ pub struct Verdict {
     pub pairs: Vec<Pair>,
 }
 
+impl Verdict {
+    /// The demonstrations to train on, in the order of the set; `None` where nothing was trained.
+    pub fn recommended(&self) -> Option<&[DemoId]> {
+        let pair = &self.pairs[self.winner?].trained;
+        self.candidates[pair.candidate].demos.as_deref()
+    }
+}
+
 /// What the comparison says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

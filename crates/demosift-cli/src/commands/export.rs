@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use demosift::artifact::Artifact as _;
 use demosift::demonstration::source::Format;
 use demosift::demonstration::{self, DemoId, lerobot, minari, robomimic};
+use demosift::referee::Verdict;
 use demosift::select::{Ranking, Subset};
 use demosift::subset_selection::Weighing;
 use demosift::uncertainty::Uncertainty;
@@ -21,7 +22,7 @@ use crate::interruption::undisturbed;
 use crate::run_folder::{self, Data, Identity, RunFolder};
 use crate::terminal;
 
-/// A run that kept something, and the demonstrations that it chose from.
+/// What a run recommends to train on: what its verdict says, or without one what its ranking keeps.
 struct Kept {
     identity: Identity,
     data: Data,
@@ -90,7 +91,10 @@ fn open(run: &Path) -> Result<Kept> {
         ))
         .at(&data.path));
     }
-    let mut ids: Vec<usize> = subset.demos.iter().map(|demo| demo.0).collect();
+    // What to train on is the referee's to say, where it was asked.
+    let verdict = Verdict::recall(&folder, "")?;
+    let demos = verdict.as_ref().and_then(Verdict::recommended).unwrap_or(&subset.demos);
+    let mut ids: Vec<usize> = demos.iter().map(|demo| demo.0).collect();
     ids.sort_unstable();
     Ok(Kept { identity, data, folder, demonstrations, ids })
 }

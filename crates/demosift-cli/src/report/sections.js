@@ -32,6 +32,12 @@ function concluded() {
   return fact("Not tried yet", "whether policies from the kept are better than those from all: `demosift referee --resume` finds out");
 }
 
+// What the verdict says to train on.
+function recommended() {
+  const { winner, pairs, candidates } = report.verdict ?? {};
+  return winner == null ? null : candidates[pairs[winner].candidate].demos;
+}
+
 function heading() {
   const number = report.entries.length;
   const best = report.entries[0];
@@ -40,8 +46,9 @@ function heading() {
     el("p", { class: "soft" }, `Task ${report.task}${made.variant ? ` under ${made.variant}` : ""}, set ${made.set}. Each demonstration was imitated, and the agent that came of it was scored by the task's own heuristic; higher is better.`),
     report.verdict ? el("p", { class: "sentence" }, report.verdict.sentence) : null,
     el("div", { class: "facts" },
-      report.has_subset
-        ? fact(`Keep ${keptDemos.length} of ${number}`, `Demonstration${keptDemos.length === 1 ? "" : "s"} ${listed(keptDemos)} (asked for: ${report.keep}).`)
+      recommended()
+        ? fact(`Train on ${recommended().length} of ${number}`, `${recommended().length === number ? "All of them" : `Demonstration${recommended().length === 1 ? "" : "s"} ${listed(recommended())}`}, as the referee says.`)
+        : report.has_subset ? fact(`Keep ${keptDemos.length} of ${number}`, `Demonstration${keptDemos.length === 1 ? "" : "s"} ${listed(keptDemos)} (asked for: ${report.keep}).`)
         : fact("Nothing kept yet", "`demosift select --resume` chooses a subset"),
       fact(`${signed(best.gain, scoreDecimals)}${unit}`, `is what the best one, demonstration ${best.demo}, brings: from ${fixed(report.before, scoreDecimals)} before imitating it to ${fixed(best.after, scoreDecimals)} after.`),
       concluded()));
