@@ -93,7 +93,8 @@ fn planted_demonstrations_rank_by_how_near_the_goal_they_lead_with_cloning() {
         let set = planted_set(&bearings, Seed::new(50 + seed)).unwrap();
         let task = PointMass::new();
         let playground = Playground::new(&task);
-        let config = cloning(seed);
+        let mut config = cloning(seed);
+        (config.judge.repeats, config.judge.evaluations) = (4, 20);
         let (table, learned) = scores(&set, &playground, &config);
         let ranked: Vec<usize> = select::rank(&table).entries.iter().map(|entry| entry.demo.0).collect();
         assert_eq!(ranked, by_bearing, "seed {seed}");

@@ -345,7 +345,7 @@ const NOUNS: [&str; 14] = [
     "spent_referee.json",
     "policy_best.safetensors",
     "policy_best.onnx",
-    "policy_referee_kept_cloning_2.safetensors",
+    "policy_referee_all_cloning_2.safetensors",
     "learning_curve_referee_all_gail_0.json",
     "learning_curve_referee_random_2_cloning_1.json",
 ];

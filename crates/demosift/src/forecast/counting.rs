@@ -388,7 +388,9 @@ fn foreseen(run: &Run<'_>) -> Result<Vec<NamedSubset>> {
         NamedSubset::new(judge.name(), &demos)
     };
     let mut subsets: Vec<NamedSubset> = judges.map(of_judge).collect();
-    subsets.push(NamedSubset::new("auto", &ids[..ids.len().div_ceil(2)]));
+    // Of another size, which asks for random subsets of its own.
+    let auto = if ids.len().div_ceil(2) == size { size + 1 } else { ids.len().div_ceil(2) };
+    subsets.push(NamedSubset::new("auto", &ids[..auto.min(ids.len())]));
     Ok(subsets)
 }
 
