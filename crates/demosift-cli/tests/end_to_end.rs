@@ -451,7 +451,9 @@ fn a_dry_run_counts_what_is_then_played_and_touches_nothing() {
     scratch.succeed("sift --out run --resume");
     let costs = &json("sift --out run --resume --json")["costs"]["environment_steps"];
     for (stage, steps) in steps(&whole) {
-        assert_eq!(costs[&stage], steps, "{stage}: {costs}");
+        // Judges that keep the same have one candidate.
+        let played = costs[&stage].as_u64().unwrap();
+        assert!(played == steps || stage == "referee" && (1..steps).contains(&played), "{stage}: {costs}");
     }
     let done = scratch.succeed("sift --out run --resume --dry-run");
     assert!(done.starts_with("Nothing is left to do"), "{done}");
