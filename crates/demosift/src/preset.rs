@@ -1,4 +1,4 @@
-//! Ready-made configurations: minutes, an evening, or the paper's values.
+//! Ready-made configurations: to see that it runs, to act on, or the paper's values.
 
 use crate::adapt::{InnerUpdate, Rule};
 use crate::advantage::AdvantageEstimation;

@@ -59,22 +59,15 @@ fn words(header: &[&str]) -> Vec<String> {
 }
 
 fn agreement(summary: &Summary) -> Section {
-    let mut ks: Vec<usize> = summary.sets.iter().flat_map(|set| set.hits_at.clone()).collect();
-    ks.sort_unstable();
-    ks.dedup();
-    let mut header = words(&["set", "truth", "judge", "Spearman", "Kendall"]);
-    header.extend(ks.iter().map(|k| format!("hit at {k}")));
-    header.push("seeds".to_owned());
+    let header = words(&["set", "truth", "judge", "Spearman", "Kendall", "hit rates at K", "seeds"]);
     let mut rows = Vec::new();
     for set in &summary.sets {
         for of in &set.agreement {
             let judge = of.method.clone().unwrap_or_else(|| "(ceiling)".to_owned());
             let mut row = vec![set.set.clone(), of.truth.to_string(), judge];
             row.extend([correlation(&of.spearman), format!("{:.2}", of.kendall.mean)]);
-            row.extend(ks.iter().map(|k| {
-                let place = set.hits_at.iter().position(|known| known == k);
-                place.map_or("-".to_owned(), |place| format!("{:.2}", of.hit_rates[place].mean))
-            }));
+            let hits = set.hits_at.iter().zip(&of.hit_rates);
+            row.push(hits.map(|(k, rate)| format!("{k}: {:.2}", rate.mean)).collect::<Vec<_>>().join(", "));
             row.push(of.spearman.seeds.to_string());
             rows.push(row);
         }
