@@ -136,7 +136,7 @@ pub fn loss_and_gradient<T: Real>(
     let mut gradient = vec![T::ZERO; parameters.len()];
     let errors = errors(network, parameters, shown, tape);
     let loss = loss_of(&errors, steps(network, shown));
-    add_gradient(network, parameters, shown, (tape, errors), &mut gradient);
+    add_gradient(network, parameters, shown, tape, errors, &mut gradient);
     (loss, gradient)
 }
 
@@ -150,7 +150,8 @@ fn add_gradient<T: Real>(
     network: &Mlp,
     parameters: &[T],
     shown: &Shown<T>,
-    (tape, mut errors): (&mut Tape<T>, Vec<T>),
+    tape: &mut Tape<T>,
+    mut errors: Vec<T>,
     gradient: &mut [T],
 ) {
     let scale = T::from_f64(2.0 / steps(network, shown));
@@ -230,7 +231,7 @@ fn descend_with_adam(
         batch.choose(shown, &order[next..end], network);
         let errors = errors(network, &parameters, &batch, &mut tape);
         gradient.fill(0.0);
-        add_gradient(network, &parameters, &batch, (&mut tape, errors), &mut gradient);
+        add_gradient(network, &parameters, &batch, &mut tape, errors, &mut gradient);
         adam.descend(rate as f32, &gradient, &mut parameters);
         next = end;
     }

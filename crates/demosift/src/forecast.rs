@@ -211,7 +211,7 @@ impl Probe<'_, '_> {
         let (learner, demonstrated) = (self.untrained(seed), self.demonstrated(seed, demonstrations));
         let playground = self.run.playground;
         seconds_per_unit(clock, || {
-            let adapt = |number| adapted(playground, &learner, &demonstrated, (inner, &seed.at(number)));
+            let adapt = |number| adapted(playground, &learner, &demonstrated, inner, &seed.at(number));
             (0..at_once).into_par_iter().try_for_each(adapt)?;
             Ok(1.0)
         })
@@ -228,7 +228,8 @@ fn adapted(
     playground: &Playground<'_>,
     learner: &Learner,
     demonstrated: &[Rows],
-    (inner, seed): (&InnerUpdate, &Seed),
+    inner: &InnerUpdate,
+    seed: &Seed,
 ) -> Result<()> {
     let course = Course { inner, iterations: 1, averaged: 1 };
     let demonstrated: Vec<&Rows> = demonstrated.iter().collect();

@@ -309,7 +309,7 @@ pub const STAGE: &str = "judge";
 /// ```
 pub fn judge(trial: &Trial<'_>, state: &mut JudgingState, observer: &mut dyn Observer) -> Result<Judged> {
     let bench = Bench::new(trial);
-    let most = steps_in_units(trial);
+    let most = most_units(trial);
     observer.on(Event::Started { stage: STAGE, done: state.done(), total: most });
     for round in 0..rounds(trial.judging) {
         let units = units(trial, state, round);
@@ -332,7 +332,7 @@ fn repeats(judging: &Judging, round: usize) -> std::ops::Range<usize> {
 }
 
 /// How many units there are if nobody is ever sure.
-fn steps_in_units(trial: &Trial<'_>) -> usize {
+fn most_units(trial: &Trial<'_>) -> usize {
     let most = trial.judging.repeats.max(trial.judging.most_repeats);
     let variants = trial.playground.specification().variants.len();
     variants * (trial.set.len() * most + trial.start.count(most))

@@ -1,7 +1,7 @@
 //! A task of several goals: Eq. 9 picks per goal, so what follows judging is done for each goal by itself, in a folder of its
 //! own within that of the run.
 
-use demosift::forecast::{self, Forecast, Goal};
+use demosift::forecast::{self, Goal};
 use demosift::{Result, experiment};
 use serde_json::{Value, json};
 
@@ -62,11 +62,11 @@ pub(super) fn dry_run_each(
     }
     let mut clock = dry_run::clock();
     let mut all = job.run(|run| forecast::forecast(run, Goal::Scores, &mut clock))?;
-    for goal in goals.iter().filter(|_| after.is_some()) {
-        let goal = after.map_or(Ok(Forecast::nothing()), |after| {
-            job.for_goal(goal, true)?.run(|run| forecast::forecast(run, after, &mut clock))
-        })?;
-        all = all.and(goal);
+    if let Some(after) = after {
+        for goal in &goals {
+            let mut goal = job.for_goal(goal, true)?;
+            all = all.and(goal.run(|run| forecast::forecast(run, after, &mut clock))?);
+        }
     }
     dry_run::show(&all, job.chosen().task.as_ref(), job.folder().path(), arguments);
     Ok(())

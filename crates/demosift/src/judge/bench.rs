@@ -57,7 +57,7 @@ impl<'a> Bench<'a> {
         let learner = start.learner(set, unit.repeat, seed);
         let seed = seed_under(seed, self.trial.playground, unit.variant);
         match unit.demo {
-            Some(demo) => imitate_once(self.trial, &learner, (demo, &self.pairs[demo.0]), unit, &seed),
+            Some(demo) => imitate_once(self.trial, &learner, demo, &self.pairs[demo.0], unit, &seed),
             None => {
                 let played = evaluate(self.trial, &learner.policy, unit.variant, &seed)?;
                 let scores = score(self.trial.playground, &played);
@@ -68,11 +68,12 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// Lines 3 to 11 for one demonstration, whose pairs stand beside it.
+/// Lines 3 to 11 for one demonstration with its pairs.
 fn imitate_once(
     trial: &Trial<'_>,
     learner: &Learner,
-    (demo, pairs): (DemoId, &Rows),
+    demo: DemoId,
+    pairs: &Rows,
     unit: &Unit,
     seed: &Seed,
 ) -> Result<Outcome> {
