@@ -233,6 +233,9 @@ pub(crate) struct RecordArguments {
     /// another body, but must have the same sizes; may be repeated
     #[arg(long, value_name = "DIR=N")]
     pub(crate) guest: Vec<String>,
+    /// Record all at one stage, a set of equals: the stage nearest to this share of the way from the worst to the best, 0 to 1
+    #[arg(long, value_name = "SHARE", conflicts_with_all = ["unseen", "guest"])]
+    pub(crate) stage: Option<f64>,
     #[command(flatten)]
     pub(crate) run: RunArguments,
 }

@@ -31,6 +31,8 @@ Examples:
     demosift record --task free_throw --out runs/thrower
   The same demonstrator in another, larger set, without training again:
     demosift record --demonstrator runs/thrower --count 20 --out runs/more_throws
+  Ten equals, halfway up, in which there is nothing to select:
+    demosift record --demonstrator runs/thrower --count 10 --stage 0.5 --out runs/equals
   How long would the training take at most?
     demosift record --task handstand --dry-run";
 

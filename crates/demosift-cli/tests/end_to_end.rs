@@ -397,6 +397,15 @@ fn other_sets_come_from_one_training() {
     assert_eq!(sets.each_ref().map(|set| set.len()), [3, 40, 20]);
     let all: Vec<_> = sets.iter().flat_map(|set| set.iter().map(|(_, one)| one.actions().flat())).collect();
     assert!((0..all.len()).all(|one| (0..one).all(|other| all[one] != all[other])), "an episode comes twice");
+    // Equals: other episodes, all of one stage.
+    scratch.succeed("record --demonstrator trained --count 4 --stage 1 --out equals");
+    let provenance: serde_json::Value =
+        serde_json::from_slice(&scratch.files("equals")["provenance.json"]).unwrap();
+    let recorded = provenance["demonstrations"].as_array().unwrap();
+    let (stage, scores): (Vec<_>, Vec<_>) =
+        recorded.iter().map(|one| (&one["updates"], one["score"].as_f64().unwrap())).unzip();
+    assert!(stage.iter().all(|updates| *updates == stage[0]), "{provenance}");
+    assert!((0..4).all(|one| (0..one).all(|other| scores[one] != scores[other])), "{provenance}");
     scratch.succeed(&format!("judge many {TASK} --set judge.repeats=1 --out run"));
 }
 

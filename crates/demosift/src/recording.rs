@@ -119,6 +119,21 @@ pub fn choose_stages<'s>(stages: &[&'s Stage], count: usize) -> Result<Vec<&'s S
     Ok(chosen)
 }
 
+/// The stage whose score is nearest to this share of the way from the worst stage to the best, which is 0 to 1.
+///
+/// All demonstrations of one stage make a set of equals, in which there is nothing to select.
+///
+/// # Errors
+/// If there are no stages.
+pub fn stage_at<'s>(stages: &[&'s Stage], share: f64) -> Result<&'s Stage> {
+    let scores = stages.iter().map(|stage| stage.score);
+    let (worst, best) =
+        scores.fold((f64::INFINITY, f64::NEG_INFINITY), |(worst, best), score| (worst.min(score), best.max(score)));
+    let distance = |stage: &Stage| (stage.score - (worst + share * (best - worst))).abs();
+    let nearest = stages.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    nearest.copied().ok_or_else(|| Error::bad_input("there are no stages of training to record demonstrations at"))
+}
+
 /// The stages for a second set of `count` demonstrations: those that the first one did not choose, if they are enough, or all.
 pub fn other_stages<'s>(stages: &'s [Stage], chosen: &[&Stage], count: usize) -> Vec<&'s Stage> {
     let is_chosen = |stage: &&Stage| chosen.iter().any(|chosen| chosen.updates == stage.updates);
@@ -299,6 +314,15 @@ mod tests {
             }
         }
         assert!(choose_stages(&[], 3).expect_err("none").is_bad_input());
+    }
+
+    #[test]
+    fn a_set_of_equals_is_of_the_stage_that_far_up() {
+        let stages = stages(&[3.0, 0.0, 10.0, 6.0]);
+        let all: Vec<&Stage> = stages.iter().collect();
+        let score = |share| stage_at(&all, share).expect("there are stages").score;
+        assert_eq!([score(0.0), score(0.4), score(0.5), score(1.0)], [0.0, 3.0, 6.0, 10.0]);
+        assert!(stage_at(&[], 0.5).expect_err("none").is_bad_input());
     }
 
     #[test]

@@ -54,6 +54,8 @@ struct Recording {
     recorded_from: Option<Source>,
     #[serde(default)]
     guests: Vec<Guest>,
+    /// The one stage of all demonstrations, as a share of the way from the worst to the best; without it they span the training.
+    stage: Option<f64>,
 }
 
 /// Where a set came from.
@@ -129,6 +131,8 @@ fn values(arguments: &RecordArguments, given: Option<Source>, plan: &Plan) -> Re
         let value = value.or(begun.and_then(|begun| begun.get(name).cloned()));
         values.insert(name.to_owned(), value.unwrap_or(Value::Integer(default)));
     }
+    let stage = arguments.stage.map(Value::Float).or(begun.and_then(|begun| begun.get("stage").cloned()));
+    values.extend(stage.map(|stage| ("stage".to_owned(), stage)));
     let plain = |source| Value::try_from(source).expect("names and hashes are TOML");
     let source = given.map(plain).or(begun.and_then(|begun| begun.get("recorded_from").cloned()));
     if let Some(source) = source {
@@ -157,6 +161,9 @@ fn check(recording: &Recording, plan: &Plan) -> Result<()> {
     }
     if *unseen == 1 {
         return Err(Error::bad_config("--unseen 1: must be 0, or at least 2 for a set"));
+    }
+    if let Some(stage) = recording.stage.filter(|stage| !(0.0..=1.0).contains(stage)) {
+        return Err(Error::bad_config(format!("--stage {stage}: must be from 0, the worst, to 1, the best")));
     }
     let of_guests: usize = guests.iter().map(|guest| guest.count).sum();
     if of_guests >= *count {
@@ -237,7 +244,11 @@ fn make(
 
     let all: Vec<&Stage> = stages.iter().collect();
     let own = recording.count - recording.guests.iter().map(|guest| guest.count).sum::<usize>();
-    let mut parts = vec![Part { playground: &playground, stages: recording::choose_stages(&all, own)? }];
+    let chosen = match recording.stage {
+        Some(share) => vec![recording::stage_at(&all, share)?; own],
+        None => recording::choose_stages(&all, own)?,
+    };
+    let mut parts = vec![Part { playground: &playground, stages: chosen }];
     let mut visitors = Vec::with_capacity(guests.len());
     for (index, (guest, playground)) in guests.iter().zip(&playgrounds).enumerate() {
         parts.push(Part { playground, stages: recording::guest_stages(&guest.stages, guest.count)? });
