@@ -10,7 +10,7 @@ use demosift::preset::Preset;
 use demosift::recording::Origin;
 use demosift::rollout::Playground;
 use demosift::study::{
-    Choice, Combination, CombinationRule, Judge, Known, Only, Pool, Regret, Seeds, Set, Study, TopK,
+    Choice, Combination, CombinationRule, Judge, Known, Only, Pool, Refereed, Regret, Seeds, Set, Study, TopK,
 };
 use demosift::{Error, Result};
 use serde::Deserialize;
@@ -33,6 +33,8 @@ struct File {
     regret: Option<RegretEntry>,
     #[serde(default)]
     pools: Vec<PoolEntry>,
+    #[serde(default)]
+    referees: Vec<RefereeEntry>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -112,6 +114,16 @@ struct PoolEntry {
     trainings: usize,
 }
 
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RefereeEntry {
+    set: String,
+    kept: Vec<Choice>,
+    /// As `--referee` writes trainings.
+    pools: String,
+    with: Vec<String>,
+}
+
 /// A study with all that its cells are made from.
 pub(crate) struct Opened {
     /// Of the sets that are there and asked for.
@@ -163,7 +175,8 @@ pub(crate) fn open(path: &Path, public: Option<&Path>, only: &Only) -> Result<Op
         }
     }
     let there: Vec<String> = planned.iter().map(|set| set.name.clone()).collect();
-    let named = |pool: &&PoolEntry| !known.contains(&pool.set.as_str()) || there.contains(&pool.set);
+    let is_there = |set: &String| !known.contains(&set.as_str()) || there.contains(set);
+    let referees = file.referees.iter().filter(|entry| is_there(&entry.set));
     let mut study = Study {
         name: name(path),
         sets: planned,
@@ -178,7 +191,16 @@ pub(crate) fn open(path: &Path, public: Option<&Path>, only: &Only) -> Result<Op
             imitators: regret.imitators.clone(),
             trainings: Seeds { first: file.seeds.first, count: regret.trainings },
         }),
-        pools: file.pools.iter().filter(named).map(|pool| pool_of(pool, file.seeds.first)).collect(),
+        pools: file
+            .pools
+            .iter()
+            .filter(|pool| is_there(&pool.set))
+            .map(|pool| pool_of(pool, file.seeds.first))
+            .collect(),
+        referees: referees
+            .map(|entry| refereed(entry, file.seeds.first))
+            .collect::<Result<_>>()
+            .map_err(|error| error.at(path))?,
     };
     study.oracle.dedup();
     if study.sets.is_empty() {
@@ -229,6 +251,16 @@ fn method(entry: &MethodEntry) -> Result<Judge> {
 fn pool_of(entry: &PoolEntry, first: u64) -> Pool {
     let trainings = Seeds { first, count: entry.trainings };
     Pool { set: entry.set.clone(), subsets: entry.subsets.clone(), imitator: entry.imitator, trainings }
+}
+
+fn refereed(entry: &RefereeEntry, first: u64) -> Result<Refereed> {
+    Ok(Refereed {
+        set: entry.set.clone(),
+        kept: entry.kept.clone(),
+        pools: entry.pools.parse()?,
+        with: entry.with.iter().map(|with| with.parse()).collect::<Result<_>>()?,
+        first,
+    })
 }
 
 #[derive(Clone, Copy)]

@@ -251,8 +251,16 @@ fn a_number_to_keep_that_is_not_there() {
     refuses(&scratch, &format!("oracle set {TASK} --repeats 0"), &["--repeats 0", "at least 1"]);
     refuses(&scratch, "record --task point_mass --out run --count 1", &["--count 1", "at least 2"]);
     refuses(&scratch, "record --task point_mass --out run --unseen 1", &["--unseen 1", "at least 2"]);
-    refuses(&scratch, "record --task point_mass --out run --stage 1.5", &["--stage 1.5", "from 0, the worst"]);
-    refuses(&scratch, "record --task point_mass --out run --stage nan", &["--stage NaN", "from 0, the worst"]);
+    refuses(
+        &scratch,
+        "record --task point_mass --out run --stage 1.5",
+        &["--stage 1.5", "from 0, the worst"],
+    );
+    refuses(
+        &scratch,
+        "record --task point_mass --out run --stage nan",
+        &["--stage NaN", "from 0, the worst"],
+    );
     refuses(&scratch, "record --task point_mass --out run --stage 0.5 --unseen 2", &["--stage", "--unseen"]);
 }
 

@@ -109,6 +109,22 @@ fn the_martial_arts_sets_are_whole_and_share_no_demonstration() {
     assert!(starts.windows(2).all(|pair| pair[0] != pair[1]));
 }
 
+/// Equals: all of one stage, whichever it is.
+#[test]
+fn the_null_sets_are_of_one_policy_each() {
+    for name in
+        ["null_free_throw_low", "null_free_throw_high", "null_martial_arts_middle", "null_martial_arts_high"]
+    {
+        let set = d4rl::read(&in_repository("data").join(name).join("demonstrations.hdf5")).unwrap();
+        assert_eq!((set.len(), set.observation_size(), set.action_size()), (10, 55, 21));
+        let provenance =
+            std::fs::read(in_repository("data/provenance").join(name).with_extension("json")).unwrap();
+        let provenance: serde_json::Value = serde_json::from_slice(&provenance).unwrap();
+        let recorded = provenance["demonstrations"].as_array().unwrap();
+        assert!(recorded.iter().all(|one| one["updates"] == recorded[0]["updates"]), "{provenance}");
+    }
+}
+
 /// Twelve demonstrations under five shots, each told by name, and each demonstration as good as when it was recorded.
 #[test]
 fn penalties_are_judged_under_every_shot() {

@@ -127,11 +127,13 @@ pub fn choose_stages<'s>(stages: &[&'s Stage], count: usize) -> Result<Vec<&'s S
 /// If there are no stages.
 pub fn stage_at<'s>(stages: &[&'s Stage], share: f64) -> Result<&'s Stage> {
     let scores = stages.iter().map(|stage| stage.score);
-    let (worst, best) =
-        scores.fold((f64::INFINITY, f64::NEG_INFINITY), |(worst, best), score| (worst.min(score), best.max(score)));
+    let (worst, best) = scores
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(worst, best), score| (worst.min(score), best.max(score)));
     let distance = |stage: &Stage| (stage.score - (worst + share * (best - worst))).abs();
     let nearest = stages.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
-    nearest.copied().ok_or_else(|| Error::bad_input("there are no stages of training to record demonstrations at"))
+    nearest
+        .copied()
+        .ok_or_else(|| Error::bad_input("there are no stages of training to record demonstrations at"))
 }
 
 /// The stages for a second set of `count` demonstrations: those that the first one did not choose, if they are enough, or all.

@@ -11,7 +11,7 @@
 //! | rounds of trainings; who is surely hopeless is dropped between them | [`Contest::next_units`], [`hopeless`] |
 //! | Welch's t of two pairs, with a floor under the spread | `welch` |
 //! | what that says | [`decide`] |
-//! | how often it is wrong | [`error_rates`] |
+//! | how often it is wrong | [`conclusion_rates`] |
 //!
 //! A policy's score is its `outcome`: the curve's best policy on episodes that did not choose it.
 //! All trainings with one number share the initial policy, the random numbers of play and the evaluation episodes; pairs
@@ -36,7 +36,7 @@ use crate::seed::Seed;
 
 pub use contest::{Contest, Meant, Unit, hopeless, meant};
 pub use decision::decide;
-pub use rates::{ErrorRate, error_rates, upper_bound};
+pub use rates::{ConclusionRates, conclusion_rates, upper_bound};
 
 /// Name of the stage in events and costs.
 pub const STAGE: &str = "referee";

@@ -21,6 +21,7 @@ pub mod compact;
 pub mod estimate;
 pub mod make;
 mod plan;
+mod refereed;
 pub mod summary;
 mod truth;
 mod work;
@@ -36,6 +37,7 @@ use crate::heuristic::Score;
 
 pub use choice::{Choice, TopK};
 pub use plan::{Combination, Judge, Only, Pool, Regret, Rule as CombinationRule, Seeds, Set, Study};
+pub use refereed::{Refereed, RefereedSummary};
 pub use truth::{Against, Known};
 
 /// What a cell is to find out.
@@ -178,6 +180,9 @@ pub struct Outcome {
     pub success: Option<f64>,
     /// Mean true return of the episodes, where the task knows one.
     pub true_return: Option<f64>,
+    /// Standard error of `score` over the episodes; 0 in files from before it was kept.
+    #[serde(default)]
+    pub standard_error: f64,
 }
 
 /// What came of training once.

@@ -1,10 +1,11 @@
 //! The tables of a study, plain or in Markdown.
 
 use demosift::adapt::Rule;
+use demosift::referee::ConclusionRates;
 use demosift::study::compact::Compact;
 use demosift::study::estimate::{Difference, ENOUGH_SEEDS, Estimate};
 use demosift::study::summary::{Compared, SetSummary, Summary};
-use demosift::study::{Work, imitator_name};
+use demosift::study::{RefereedSummary, Work, imitator_name};
 use serde::Serialize;
 
 use super::{Scale, percent, rounded, table, wrapped};
@@ -21,8 +22,14 @@ struct Section {
 pub(crate) fn in_full(compact: &Compact, summary: &Summary, markdown: bool) -> String {
     let [finished, named] = summary.finished;
     let mut told = format!("Study {}: {finished} of {named} cells are finished.\n", compact.study.name);
-    let sections =
-        [agreement(summary), differences(summary), regret(summary), costs(summary), pools(compact, summary)];
+    let sections = [
+        agreement(summary),
+        differences(summary),
+        regret(summary),
+        costs(summary),
+        pools(compact, summary),
+        referees(summary),
+    ];
     for Section { title, header, rows, below } in
         sections.into_iter().filter(|section| !section.rows.is_empty())
     {
@@ -210,6 +217,43 @@ fn pools(compact: &Compact, summary: &Summary) -> Section {
         rows,
         below: "Success is that at the end of the training.".to_owned(),
     }
+}
+
+fn referees(summary: &Summary) -> Section {
+    let row = |of: &RefereedSummary| {
+        let ConclusionRates { helps, helps_upper, fewer_helps, cannot_tell, does_not_help, .. } = of.rates;
+        let shares = [fewer_helps, cannot_tell, does_not_help].map(in_tenths);
+        let helps = format!("{} (below {})", in_tenths(helps), in_tenths(helps_upper));
+        let mut row = vec![of.set.clone(), of.kept.clone(), of.with.to_string(), helps];
+        row.extend(shares);
+        row.push(of.pool.to_string());
+        row
+    };
+    let resamples = summary.referees.first().map_or(0, |of| of.rates.resamples);
+    Section {
+        title: "What the referee says of trainings that are drawn again:",
+        header: words(&[
+            "set",
+            "kept",
+            "trainings",
+            "helps",
+            "fewer help",
+            "cannot tell",
+            "does not help",
+            "pool",
+        ]),
+        rows: summary.referees.iter().map(row).collect(),
+        below: format!(
+            "Each line is of {resamples} decisions on trainings that are drawn from pools, with replacement; the pool is the size \
+             of the smallest. In brackets is the upper limit of the rate with 95 % confidence (Clopper and Pearson), which \
+             holds for these pools. Where nothing is better, *helps* is an error."
+        ),
+    }
+}
+
+/// A percentage with a tenth.
+fn in_tenths(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
 }
 
 /// Cells of one kind that are still to be made.

@@ -1,4 +1,4 @@
-//! How often the referee is wrong: its trainings are drawn again from pools of trainings, and its decisions counted.
+//! How often the referee is wrong or right: its trainings are drawn again from pools of trainings, and its decisions counted.
 
 use rand::seq::IndexedRandom;
 use rayon::prelude::*;
@@ -9,40 +9,44 @@ use super::{Candidate, Conclusion, Contest, LEVEL, Refereeing, Trained};
 use crate::error::{Error, Result};
 use crate::seed::Seed;
 
-/// How often something was concluded.
+/// How often each conclusion was reached.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ErrorRate {
-    /// Times that *helps* was concluded.
-    pub helps: usize,
-    /// Of so many.
+pub struct ConclusionRates {
+    /// Share of *helps*; where nothing is better, that of errors.
+    pub helps: f64,
+    /// What its true rate is below, with a confidence of 95 % (Clopper and Pearson).
+    pub helps_upper: f64,
+    /// Share of *fewer helps*.
+    pub fewer_helps: f64,
+    /// Share of *cannot tell*.
+    pub cannot_tell: f64,
+    /// Share of *does not help*.
+    pub does_not_help: f64,
+    /// Of so many decisions.
     pub resamples: usize,
-    /// Their quotient.
-    pub rate: f64,
-    /// What the true rate is below, with a confidence of 95 % (Clopper and Pearson).
-    pub upper: f64,
 }
 
-/// How often *helps* is concluded if trainings are drawn from these pools, with replacement; where the pools of all sides
-/// are of policies alike, that is the rate of errors.
+/// How often each conclusion is reached if trainings are drawn from these pools, with replacement; where the pools of all
+/// sides are of policies alike, *helps* is an error.
 ///
 /// Each pool is a pair with all the trainings that there are of it; rounds and dropping are those of a contest.
 ///
 /// # Errors
 /// `is_bad_input` if a pair that the contest trains has no pool, or an empty one.
-pub fn error_rates(
+pub fn conclusion_rates(
     candidates: &[Candidate],
     pools: &[Trained],
     refereeing: Refereeing,
     resamples: usize,
     seed: &Seed,
-) -> Result<ErrorRate> {
-    let helps = |number: usize| {
+) -> Result<ConclusionRates> {
+    let concluded = |number: usize| {
         let mut rng = seed.at(number).into_rng();
         let mut contest = Contest::new(candidates.to_vec(), refereeing);
         loop {
             let units = contest.next_units();
             if units.is_empty() {
-                return Ok(contest.decide("").conclusion == Conclusion::Helps);
+                return Ok(contest.decide("").conclusion);
             }
             for unit in units {
                 let is_its =
@@ -54,10 +58,17 @@ pub fn error_rates(
             }
         }
     };
-    let concluded = (0..resamples).into_par_iter().map(helps).collect::<Result<Vec<bool>>>()?;
-    let helps = concluded.into_iter().filter(|helps| *helps).count();
-    let rate = helps as f64 / resamples.max(1) as f64;
-    Ok(ErrorRate { helps, resamples, rate, upper: upper_bound(helps, resamples) })
+    let concluded = (0..resamples).into_par_iter().map(concluded).collect::<Result<Vec<Conclusion>>>()?;
+    let count = |wanted| concluded.iter().filter(|conclusion| **conclusion == wanted).count();
+    let rate = |wanted| count(wanted) as f64 / resamples.max(1) as f64;
+    Ok(ConclusionRates {
+        helps: rate(Conclusion::Helps),
+        helps_upper: upper_bound(count(Conclusion::Helps), resamples),
+        fewer_helps: rate(Conclusion::FewerHelps),
+        cannot_tell: rate(Conclusion::CannotTell),
+        does_not_help: rate(Conclusion::DoesNotHelp),
+        resamples,
+    })
 }
 
 /// What the true rate of something is below that happened so often of so many, with a confidence of 95 % (Clopper and

@@ -278,10 +278,13 @@ fn helps_is_said_wrongly_in_at_most_one_of_twenty() {
                     let worse = |side, rule| if is_worse(side, rule) { -HOPELESS } else { 0.0 };
                     let pools = pools(&candidates, draw, worse);
                     let found =
-                        error_rates(&candidates, &pools, how, RESAMPLES, &Seed::new(5)).expect("pools");
-                    let ErrorRate { rate, upper, .. } = found;
-                    println!("{} kept, {how}: {name}, {situation}: {rate} (below {upper:.4})", kept.len());
-                    assert!(found.rate <= LEVEL, "{name}, {how}, {situation}: {found:?}");
+                        conclusion_rates(&candidates, &pools, how, RESAMPLES, &Seed::new(5)).expect("pools");
+                    let ConclusionRates { helps, helps_upper, .. } = found;
+                    println!(
+                        "{} kept, {how}: {name}, {situation}: {helps} (below {helps_upper:.4})",
+                        kept.len()
+                    );
+                    assert!(helps <= LEVEL, "{name}, {how}, {situation}: {found:?}");
                 }
             }
         }
@@ -294,8 +297,9 @@ fn a_clear_difference_is_found() {
     let better = pools(&candidates, normal, |side, _| if side == Side::Kept { 3.0 } else { 0.0 });
     let mut before = 0.0;
     for (how, least) in [("cloning=3", 0.5), ("cloning=5", 0.9), ("cloning=10", 0.99)] {
-        let found = error_rates(&candidates, &better, how.parse().expect("written"), 1000, &Seed::new(5));
-        let rate = found.expect("pools").rate;
+        let found =
+            conclusion_rates(&candidates, &better, how.parse().expect("written"), 1000, &Seed::new(5));
+        let rate = found.expect("pools").helps;
         println!("three standard deviations, {how}: found in {rate}");
         assert!(rate >= least && rate >= before, "{how}: {rate}");
         before = rate;

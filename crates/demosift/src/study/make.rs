@@ -122,7 +122,12 @@ pub fn planned_training(means: &Means<'_>, imitator: Rule) -> u64 {
 }
 
 fn outcome(point: &CurvePoint) -> Result<Outcome> {
-    Ok(Outcome { score: finite(point.score)?, success: point.success, true_return: point.true_return })
+    Ok(Outcome {
+        score: finite(point.score)?,
+        success: point.success,
+        true_return: point.true_return,
+        standard_error: point.standard_error,
+    })
 }
 
 fn finite(score: Score) -> Result<Score> {

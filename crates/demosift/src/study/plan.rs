@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::choice::{Choice, TopK};
-use super::{Known, file_name};
+use super::{Known, Refereed, file_name};
 use crate::adapt;
 use crate::error::{Error, Result};
 
@@ -25,6 +25,9 @@ pub struct Study {
     pub regret: Option<Regret>,
     /// Trainings for their own sake.
     pub pools: Vec<Pool>,
+    /// What the referee says of trainings that are drawn again.
+    #[serde(default)]
+    pub referees: Vec<Refereed>,
 }
 
 /// Consecutive seeds.
@@ -142,7 +145,7 @@ impl Only {
     pub const ORACLE: &str = "oracle";
     /// The trainings on the top K of the methods that are named.
     pub const REGRET: &str = "regret";
-    /// The trainings of pools.
+    /// The trainings of pools, the referee's among them.
     pub const POOLS: &str = "pools";
     const KINDS: [&str; 3] = [Self::ORACLE, Self::REGRET, Self::POOLS];
 
@@ -196,7 +199,17 @@ impl Study {
                 }
             }
         }
-        self.pools.iter().try_for_each(|pool| self.check_pool(pool))
+        self.pools.iter().try_for_each(|pool| self.check_pool(pool))?;
+        self.referees.iter().try_for_each(|refereed| {
+            refereed.check()?;
+            refereed.pools(None).iter().try_for_each(|pool| self.check_pool(pool))
+        })
+    }
+
+    /// All pools: those that are asked for, and those that the referee draws from.
+    pub(super) fn all_pools(&self) -> Vec<Pool> {
+        let of_referee = |refereed: &Refereed| refereed.pools(self.set(&refereed.set));
+        self.pools.iter().cloned().chain(self.referees.iter().flat_map(of_referee)).collect()
     }
 
     fn check_combination(&self, method: &Judge) -> Result<()> {
@@ -255,6 +268,7 @@ impl Study {
         let mut part = self.clone();
         part.sets.retain(|set| sets.contains(&set.name));
         part.pools.retain(|pool| sets.contains(&pool.set));
+        part.referees.retain(|refereed| sets.contains(&refereed.set));
         part
     }
 
@@ -270,13 +284,10 @@ impl Study {
 
     /// Whether judging by a method is to be done: it is named, or what is named is made of it or keeps by it.
     pub(super) fn needs(&self, only: &Only, judge: &Judge) -> bool {
+        let pools = if only.names(Only::POOLS) { self.all_pools() } else { Vec::new() };
         let keeps_by = |method: &str| {
-            let choices = self.pools.iter().flat_map(|pool| &pool.subsets);
-            let mut keepers = choices.filter_map(|choice| match choice {
-                Choice::KeptBy { method, .. } => Some(method),
-                _ => None,
-            });
-            only.names(Only::POOLS) && keepers.any(|keeper| keeper == method)
+            let mut choices = pools.iter().flat_map(|pool| &pool.subsets);
+            choices.any(|choice| matches!(choice, Choice::KeptBy { method: keeper, .. } if keeper == method))
         };
         let is_wanted = |method: &Judge| only.names(&method.name) || keeps_by(&method.name);
         let is_made_of =

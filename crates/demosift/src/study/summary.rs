@@ -7,6 +7,7 @@
 //! | regret | how much worse the policy from a method's top K is than that from the truly best K |
 //! | costs | of each method, once a set and for each demonstration |
 //! | pools | what the policies of trainings for their own sake are worth |
+//! | referees | what the referee says of trainings that are drawn again from such pools |
 
 use serde::Serialize;
 
@@ -15,7 +16,7 @@ use super::estimate::{self, Difference, Estimate, OverSets, estimate, paired_dif
 use super::plan::{Judge, Pool, Set, Study};
 use super::truth::{Against, Measure, Truth};
 use super::work::top;
-use super::{Cost, Finished, TrainingResult};
+use super::{Cost, Finished, RefereedSummary, TrainingResult};
 use crate::adapt::Rule;
 use crate::demonstration::DemoId;
 use crate::metrics;
@@ -29,6 +30,8 @@ pub struct Summary {
     pub over_sets: Vec<ComparedOverSets>,
     /// One a pool and subset.
     pub pools: Vec<PoolSummary>,
+    /// One a referee of a set, kept subset and number of trainings.
+    pub referees: Vec<RefereedSummary>,
     /// Failed cells, each with its error.
     pub failures: Vec<(String, String)>,
     /// Cells that are there, and those that can be named by now.
@@ -163,6 +166,7 @@ pub fn summarize(study: &Study, finished: &Finished) -> Summary {
     Summary {
         over_sets: over_sets(&sets),
         pools: pools(study, finished),
+        referees: study.referees.iter().flat_map(|refereed| refereed.summarize(study, finished)).collect(),
         failures: finished.failures(),
         finished: [work.iter().filter(|work| finished.holds(work)).count(), work.len()],
         sets,
@@ -346,10 +350,10 @@ fn costs(set: &Set, method: &Judge, finished: &Finished) -> Option<Costs> {
 
 /// The trainings of all pools that are finished.
 pub fn pools(study: &Study, finished: &Finished) -> Vec<PoolSummary> {
-    study.pools.iter().flat_map(|pool| of_pool(study, pool, finished)).collect()
+    study.all_pools().iter().flat_map(|pool| of_pool(study, pool, finished)).collect()
 }
 
-fn of_pool(study: &Study, pool: &Pool, finished: &Finished) -> Vec<PoolSummary> {
+pub(super) fn of_pool(study: &Study, pool: &Pool, finished: &Finished) -> Vec<PoolSummary> {
     let Some(set) = study.set(&pool.set) else { return Vec::new() };
     let of_choice = |choice| {
         let training = |seed| {

@@ -42,6 +42,7 @@ fn study() -> Study {
             trainings: seeds(2),
         }),
         pools: Vec::new(),
+        referees: Vec::new(),
     }
 }
 
@@ -61,7 +62,7 @@ fn judged(method: &str, seed: u64, scores: [f64; 4]) -> Cell {
 }
 
 fn trained(demos: &[usize], seed: u64, end: f64) -> Cell {
-    let outcome = |score| Outcome { score, success: None, true_return: None };
+    let outcome = |score| Outcome { score, success: None, true_return: None, standard_error: 0.0 };
     Cell {
         work: Work::Training { set: "four".to_owned(), demos: ids(demos), imitator: Rule::Gail, seed },
         found: Found::Training(TrainingResult {
@@ -326,6 +327,60 @@ fn what_does_not_fit_together_is_told() {
         study.pools.push(Pool { set, subsets, imitator: Rule::Gail, trainings: seeds(2) });
     });
     assert!(pool.contains("the ids [1, 4]; there are 0 to 3"), "{pool}");
+}
+
+#[test]
+fn the_referee_draws_from_pools_again() {
+    let mut study = study();
+    let written = |trainings: &str| trainings.parse().expect("well written");
+    study.referees.push(Refereed {
+        set: "four".to_owned(),
+        kept: vec![Choice::Ids(vec![2, 3]), "random 2".parse().expect("a choice")],
+        pools: written("gail=4"),
+        with: vec![written("gail=3")],
+        first: 0,
+    });
+    study.check().expect("fits");
+    let only = Only { methods: Some(vec![Only::POOLS.to_owned()]), ..Only::default() };
+    // Four trainings on the whole set, on the kept and on random pairs, which are the control of both.
+    let work = study.work_only(&only, &Finished::default());
+    let mut finished = Finished::default();
+    for work in &work {
+        let Work::Training { demos, seed, .. } = work else { panic!("nothing is judged: {work:?}") };
+        let kept = *demos == ids(&[2, 3]);
+        let end = if kept { 10.0 } else { 0.0 } + 0.1 * *seed as f64;
+        finished.add(trained(&demos.iter().map(|demo| demo.0).collect::<Vec<_>>(), *seed, end));
+    }
+    let drawn_alike =
+        work.iter().filter(|work| matches!(work, Work::Training { demos, .. } if *demos == ids(&[2, 3])));
+    let drawn_alike = drawn_alike.count() - 4;
+    assert_eq!(work.len() + drawn_alike, 12, "a random pair may be the kept one, which is trained once");
+    let found = summarize(&study, &finished).referees;
+    assert_eq!(
+        found.iter().map(|of| (of.kept.as_str(), of.pool)).collect::<Vec<_>>(),
+        [("2, 3", 4), ("random 2", 4)]
+    );
+    let RefereedSummary { rates, .. } = &found[1];
+    assert!(rates.helps <= 0.05 && rates.resamples == 1000, "{rates:?}");
+    let total = rates.helps + rates.fewer_helps + rates.cannot_tell + rates.does_not_help;
+    assert!((total - 1.0).abs() < 1e-12, "{rates:?}");
+    if drawn_alike == 0 {
+        assert_eq!(found[0].rates.helps, 1.0, "ten standard deviations are seen");
+    }
+
+    let complaint = |change: &dyn Fn(&mut Refereed)| {
+        let mut wrong = study.clone();
+        change(&mut wrong.referees[0]);
+        wrong.check().expect_err("does not fit").to_string()
+    };
+    let nothing = complaint(&|of| of.with = vec![written("gail=2")]);
+    assert!(nothing.contains("gail=2 decides nothing") || nothing.contains("at least 3"), "{nothing}");
+    let lacks = complaint(&|of| of.with = vec![written("cloning=5")]);
+    assert!(lacks.contains("lack an imitator"), "{lacks}");
+    let all = complaint(&|of| of.kept = vec![Choice::All]);
+    assert!(all.contains("leaves nothing to compare"), "{all}");
+    let ids = complaint(&|of| of.kept = vec![Choice::Ids(vec![9])]);
+    assert!(ids.contains("there are 0 to 3"), "{ids}");
 }
 
 impl Judge {

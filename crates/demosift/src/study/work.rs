@@ -88,7 +88,8 @@ impl Study {
     }
 
     fn pool_work(&self, set: &Set, imitator: adapt::Rule, finished: &Finished, work: &mut Vec<Work>) {
-        for pool in self.pools.iter().filter(|pool| pool.set == set.name && pool.imitator == imitator) {
+        let pools = self.all_pools();
+        for pool in pools.iter().filter(|pool| pool.set == set.name && pool.imitator == imitator) {
             for choice in &pool.subsets {
                 let of =
                     |seed| Some(training(set, &self.chosen(set, choice, seed, finished)?, imitator, seed));
@@ -118,7 +119,8 @@ impl Study {
                 most += regret.imitators.len() * ks * subsets * regret.trainings.count;
             }
             if only.names(Only::POOLS) {
-                let pools = self.pools.iter().filter(|pool| pool.set == set.name);
+                let pools = self.all_pools();
+                let pools = pools.iter().filter(|pool| pool.set == set.name);
                 most += pools.map(|pool| pool.subsets.len() * pool.trainings.count).sum::<usize>();
             }
         }
