@@ -118,8 +118,8 @@ pub(crate) struct JobArguments {
     #[arg(value_name = "SET")]
     pub(crate) demonstrations: Option<PathBuf>,
     /// Keep the K most suitable demonstrations; auto keeps those that surely make the agent better and are not surely
-    /// less than half as good as the best; weights keeps what `demosift weigh` would [default: quarter, that is a quarter
-    /// of the set]
+    /// nearer to the median of the set than to its best; weights keeps what `demosift weigh` would [default: quarter, that
+    /// is a quarter of the set]
     #[arg(long, value_name = "K|auto|weights")]
     pub(crate) keep: Option<Keep>,
     /// Only this goal of a task that has several (`demosift task check` lists them): the agent learns, is judged and imitates

@@ -238,14 +238,14 @@ pub fn worth_training_on(run: &Run<'_>, panel: &Panel, selection: &Selection) ->
     let mut by_others = Vec::new();
     for opinion in panel.others().filter(|_| run.config.keep != Keep::Weights) {
         let demos = kept(run, opinion)?.demos;
-        by_others.push(NamedSubset::new(&format!("{KEPT} by {}", opinion.judge), &demos));
+        by_others.push(NamedSubset::new(&format!("{KEPT} by {}", as_keeper(opinion.judge)), &demos));
     }
     by_others.retain(|other| !is_same(&other.demos, &selection.subset.demos));
     let name = match (run.config.keep, panel.opinions.len(), by_others.len()) {
         (Keep::Weights, ..) => BY_WEIGHTS.to_owned(),
         (_, 1, _) => KEPT.to_owned(),
         (_, _, 0) => format!("{KEPT} by both"),
-        _ => format!("{KEPT} by {}", panel.decides),
+        _ => format!("{KEPT} by {}", as_keeper(panel.decides)),
     };
     let mut subsets = vec![NamedSubset::new(&name, &selection.subset.demos)];
     subsets.extend(by_others);
@@ -254,6 +254,14 @@ pub fn worth_training_on(run: &Run<'_>, panel: &Panel, selection: &Selection) ->
         subsets.push(NamedSubset::new(SURELY_HELPS, &surely));
     }
     Ok(subsets)
+}
+
+/// A judge in the name of what it keeps.
+fn as_keeper(judge: Judge) -> &'static str {
+    match judge {
+        Judge::Cloning => "cloning",
+        Judge::Paper => "the paper's judge",
+    }
 }
 
 /// Whether both hold the same demonstrations, in whatever order.

@@ -83,8 +83,7 @@ pub struct Doubt {
     pub high: Score,
     /// Probability that imitating it makes the agent better: that S > 0.
     pub improves: f64,
-    /// Probability that it makes the agent at least half as much better as the best one does; where none makes it
-    /// better, that it is the best.
+    /// Probability that it is nearer to the best of the set than to the median one.
     pub near_best: f64,
     /// For each K from 1: probability that it belongs to the K best; ties share the places that they compete for.
     pub top: Vec<f64>,
@@ -112,8 +111,8 @@ impl Uncertainty {
 
     /// Which demonstrations to learn from, by their probabilities alone; the most suitable first, never none.
     ///
-    /// The rule of `--keep auto`: a demonstration is kept if it surely makes the agent better, and is not surely less
-    /// than half as good as the best one, where sure is a probability of [`Uncertainty::level`].
+    /// The rule of `--keep auto`: a demonstration is kept if it surely makes the agent better, and is not surely nearer to
+    /// the median of the set than to its best, where sure is a probability of [`Uncertainty::level`].
     /// The first half keeps out what does harm or nothing; the second keeps out the mediocre, and with a small budget,
     /// which can rule out little, it keeps more rather than fewer.
     /// Where nothing surely makes the agent better, the second half decides alone.
@@ -124,8 +123,8 @@ impl Uncertainty {
         [self.surely_helpful(), near, first].into_iter().find(|kept| !kept.is_empty()).unwrap_or_default()
     }
 
-    /// What surely makes the agent better and is not surely less than half as good as the best; none where nothing surely
-    /// helps.
+    /// What surely makes the agent better and is not surely nearer to the median of the set than to its best; none where
+    /// nothing surely helps.
     pub fn surely_helpful(&self) -> Vec<DemoId> {
         let improves = |doubt: &&Doubt| doubt.improves >= self.level && self.may_be_near_the_best(doubt);
         self.demonstrations.iter().filter(improves).map(|doubt| doubt.demo).collect()
@@ -178,7 +177,8 @@ pub fn uncertainty(table: &ScoreTable, resampling: &Resampling, seed: &Seed) -> 
     let (judged, repeats, evaluations) = judged(table)?;
     let draws = draw(&judged, evaluations, resampling, seed)?;
     let top = top_probabilities(&draws);
-    let (improves, near_best) = (share(&draws, |score, _| score > 0.0), share(&draws, is_near_best));
+    let improves = share(&draws, |_| 0.0, |score, bar| score > bar);
+    let near_best = share(&draws, between_median_and_best, |score, bar| score >= bar);
     let order = places(&judged);
     let doubt = |&index: &usize| {
         let (low, high) = interval(draws.iter().map(|draw| draw[index]).collect(), resampling.level);
@@ -402,18 +402,29 @@ fn interval(mut draws: Vec<f64>, level: f64) -> (f64, f64) {
     (at((1.0 - level) / 2.0), at((1.0 + level) / 2.0))
 }
 
-/// For each demonstration the share of draws in which its score, beside the best score of the draw, is so.
-fn share(draws: &[Vec<Score>], is_so: impl Fn(Score, Score) -> bool) -> Vec<f64> {
+/// For each demonstration the share of draws in which its score passes the bar that the draw sets.
+fn share(
+    draws: &[Vec<Score>],
+    bar: impl Fn(&[Score]) -> Score,
+    passes: impl Fn(Score, Score) -> bool,
+) -> Vec<f64> {
     let mut counts = vec![0.0; draws[0].len()];
     for draw in draws {
-        let best = draw.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        counts.iter_mut().zip(draw).for_each(|(count, score)| *count += f64::from(is_so(*score, best)));
+        let bar = bar(draw);
+        counts.iter_mut().zip(draw).for_each(|(count, score)| *count += f64::from(passes(*score, bar)));
     }
     counts.into_iter().map(|count| count / draws.len() as f64).collect()
 }
 
-fn is_near_best(score: Score, best: Score) -> bool {
-    score >= if best > 0.0 { best / 2.0 } else { best }
+/// Half of the way from the median of the scores to the best.
+fn between_median_and_best(scores: &[Score]) -> Score {
+    let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let mut scores = scores.to_vec();
+    let (lower, middle) = ((scores.len() - 1) / 2, scores.len() / 2);
+    let (below, upper, _) = scores.select_nth_unstable_by(middle, f64::total_cmp);
+    let lower = if lower < middle { below.iter().copied().fold(f64::NEG_INFINITY, f64::max) } else { *upper };
+    let median = (lower + *upper) / 2.0;
+    (median + best) / 2.0
 }
 
 /// For each demonstration and each K from 1 the share of draws in which it is among the K best.

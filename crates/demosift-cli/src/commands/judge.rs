@@ -44,7 +44,9 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
         return Ok(());
     }
     let judgment = Judgment { set: job.set(), ranking, uncertainty, unit: job.unit() };
-    terminal::show(&judgment::ranking(&judgment, None));
+    if !is_shown_already(&panel) {
+        terminal::show(&judgment::ranking(&judgment, None));
+    }
     for (opinion, scores) in found().filter(|(opinion, _)| opinion.judge == panel.decides) {
         terminal::show(&by_variant::gains(scores, job.variants(), job.unit()));
         terminal::show(&judgment::distance(scores, opinion.judge));
@@ -66,6 +68,11 @@ fn of_judge(opinion: &Opinion, scores: &ScoreTable) -> Value {
         "uncertainty": opinion.uncertainty,
         "caveat": opinion.uncertainty.caveat(),
     })
+}
+
+/// Whether [`first_then_all`] has shown the ranking that decides.
+pub(super) fn is_shown_already(panel: &Panel) -> bool {
+    panel.opinions.len() > 1 && panel.decides == Judge::Cloning
 }
 
 /// What all judges say; the table of the one that is done within seconds stands on the screen before the others begin.

@@ -73,6 +73,7 @@ fn write_found(job: &mut Job, found: &Found) -> Result<PathBuf> {
         set: page::name_of_set(job.set_path()),
         sha256: job.data().sha256.clone(),
         variant: job.chosen().variant.as_deref(),
+        goals: goals(job),
         configuration: run_folder::resolved(job.folder().path())?,
         unusable: found.unusable.as_deref(),
     };
@@ -80,4 +81,15 @@ fn write_found(job: &mut Job, found: &Found) -> Result<PathBuf> {
     let path = job.folder().path().join(PAGE);
     undisturbed(|| files::write_atomically(&path, html.as_bytes()))?;
     Ok(path)
+}
+
+/// The goals of the run with their pages; none where the run is about one.
+fn goals(job: &Job) -> Vec<page::Goal> {
+    let names = job.variants();
+    let page = |name: &String| {
+        let page = format!("{name}/{PAGE}");
+        job.folder().path().join(&page).exists().then_some(page)
+    };
+    let goal = |name: &String| page::Goal { name: name.clone(), page: page(name) };
+    if names.len() > 1 { names.iter().map(goal).collect() } else { Vec::new() }
 }

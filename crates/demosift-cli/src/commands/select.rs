@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::{goals, kept_in};
 use crate::arguments::JobArguments;
 use crate::job::{Job, Prior};
-use crate::tables::judgment::{self, Judgment};
+use crate::tables::judgment::{self, Judgment, Kept};
 use crate::tables::{costs, weights};
 use crate::terminal;
 
@@ -42,7 +42,8 @@ fn one(job: &mut Job, json: bool) -> Result<Value> {
     }
     let judgment =
         Judgment { set: job.set(), ranking: &ranking, uncertainty: &uncertainty, unit: job.unit() };
-    terminal::show(&judgment::ranking(&judgment, Some((&subset, job.keep()))));
+    let kept = Kept { subset: &subset, keep: job.keep() };
+    terminal::show(&judgment::ranking(&judgment, Some(kept)));
     terminal::show(&weighing.map_or(String::new(), |weighing| format!("\n{}", weights::trends(&weighing))));
     terminal::show(&costs::played(&costs));
     terminal::show(&kept_in(job.folder(), job.variant()));

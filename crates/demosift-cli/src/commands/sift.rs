@@ -11,7 +11,7 @@ use super::{goals, judge, kept_in, report, select};
 use crate::arguments::JobArguments;
 use crate::job::{Job, Prior};
 use crate::own_heuristic::Beside;
-use crate::tables::judgment::{self, Judgment};
+use crate::tables::judgment::{self, Judgment, Kept};
 use crate::tables::{costs, weights};
 use crate::{tables, terminal};
 
@@ -20,7 +20,15 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     if arguments.run.dry_run {
         return goals::dry_run_each(&mut job, Goal::Verdict, Some(Goal::Referee), &arguments.run);
     }
-    goals::each(&mut job, &arguments.run, one)
+    goals::each(&mut job, &arguments.run, one)?;
+    if job.variants().len() > 1 {
+        // That of the whole leads to those of the goals.
+        let page = report::write(&mut job)?;
+        if !arguments.run.json {
+            terminal::show(&format!("\nReport of all goals: {}\n", page.display()));
+        }
+    }
+    Ok(())
 }
 
 /// The job of a task with one goal.
@@ -61,7 +69,12 @@ fn show(job: &Job, sifted: &Sifted, weighing: Option<&Weighing>, beside: &Beside
     let Sifted { panel, selection, verdict, .. } = sifted;
     let Selection { ranking, uncertainty, subset } = selection;
     let judgment = Judgment { set: job.set(), ranking, uncertainty, unit: job.unit() };
-    terminal::show(&judgment::ranking(&judgment, Some((subset, job.keep()))));
+    let kept = Kept { subset, keep: job.keep() };
+    if judge::is_shown_already(panel) {
+        terminal::show(&judgment::kept(&judgment, kept));
+    } else {
+        terminal::show(&judgment::ranking(&judgment, Some(kept)));
+    }
     terminal::show(&tables::panel::judges(panel, job.unit()));
     terminal::show(&weighing.map_or(String::new(), |weighing| format!("\n{}", weights::trends(weighing))));
     terminal::show(&judgment::beside(ranking, beside));

@@ -39,8 +39,9 @@ function significant(value) {
   const size = Math.abs(value);
   return fixed(value, size >= 100 || Number.isInteger(value) ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : 3);
 }
+// With a space at which no line breaks.
 function percent(share) {
-  return share == null ? "–" : `${Math.round(share * 100)} %`;
+  return share == null ? "–" : `${Math.round(share * 100)}\u00a0%`;
 }
 function count(number) {
   return number.toLocaleString("en-US");

@@ -29,9 +29,19 @@ pub(crate) struct Made<'a> {
     pub(crate) sha256: String,
     /// The one goal that the run is about, where the task has several.
     pub(crate) variant: Option<&'a str>,
+    /// The goals that have run folders of their own in this one.
+    pub(crate) goals: Vec<Goal>,
     /// As TOML.
     pub(crate) configuration: String,
     pub(crate) unusable: Option<&'a str>,
+}
+
+/// A goal of a run that has several.
+#[derive(Serialize)]
+pub(crate) struct Goal {
+    pub(crate) name: String,
+    /// Its page, where there is one.
+    pub(crate) page: Option<String>,
 }
 
 #[derive(Serialize)]

@@ -17,8 +17,13 @@ const STAGES = {
   referee: "final policies, several each", imitate_subset: "from scratch, the kept", imitate_all: "from scratch, all",
 };
 
-function fact(value, ...words) {
-  return el("div", { class: "fact" }, el("b", {}, value), el("span", {}, ...words));
+// Commands stand between backticks.
+function withCommands(text) {
+  return text.split("`").map((part, index) => (index % 2 ? el("code", {}, part) : part));
+}
+
+function fact(value, words) {
+  return el("div", { class: "fact" }, el("b", {}, value), el("span", {}, withCommands(words)));
 }
 
 const CONCLUSIONS = {
@@ -48,10 +53,12 @@ function heading() {
     el("div", { class: "facts" },
       recommended()
         ? fact(`Train on ${recommended().length} of ${number}`, `${recommended().length === number ? "All of them" : `Demonstration${recommended().length === 1 ? "" : "s"} ${listed(recommended())}`}, as the referee says.`)
+        : made.goals.length ? fact(`${made.goals.length} goals`, "Each goal has a ranking and a page of its own; this page shows the mean over goals, which selects nothing.")
         : report.has_subset ? fact(`Keep ${keptDemos.length} of ${number}`, `Demonstration${keptDemos.length === 1 ? "" : "s"} ${listed(keptDemos)} (asked for: ${report.keep}).`)
         : fact("Nothing kept yet", "`demosift select --resume` chooses a subset"),
       fact(`${signed(best.gain, scoreDecimals)}${unit}`, `is what the best one, demonstration ${best.demo}, brings: from ${fixed(report.before, scoreDecimals)} before imitating it to ${fixed(best.after, scoreDecimals)} after.`),
-      concluded()));
+      made.goals.length ? null : concluded()),
+    made.goals.length ? el("p", { id: "goals" }, "The goals: ", made.goals.flatMap(({ name, page }, index) => [index ? ", " : "", page ? el("a", { href: encodeURI(page) }, name) : name]), ".") : null);
 }
 
 function remarks() {
@@ -166,7 +173,7 @@ function verdict() {
   const pad = (high - low) * 0.04;
   const domain = [low - pad, high + pad];
   const narrow = matchMedia("(max-width: 720px)").matches;
-  const width = narrow ? 150 : 360;
+  const width = narrow ? 120 : 360;
   const decimals = decimalsFor(scores);
   const remark = (pair, index) => index === found.winner ? el("span", { class: "tag" }, narrow ? "✓" : "train on this")
     : pair.dropped ? "dropped early" : found.compared && !pair.is_compared ? "shown only" : "";

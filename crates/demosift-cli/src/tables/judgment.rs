@@ -21,12 +21,32 @@ pub(crate) struct Judgment<'a> {
     pub(crate) unit: &'a str,
 }
 
+/// What was kept, and what was asked for.
+#[derive(Clone, Copy)]
+pub(crate) struct Kept<'a> {
+    pub(crate) subset: &'a Subset,
+    pub(crate) keep: Keep,
+}
+
+/// What was kept of a ranking that stands on the screen already.
+pub(crate) fn kept(judgment: &Judgment<'_>, kept: Kept<'_>) -> String {
+    let demos = &kept.subset.demos;
+    let one = if demos.len() == 1 { "demonstration" } else { "demonstrations" };
+    let mut remarks = vec![format!(
+        "The order stays that of the judge by cloning, above. Kept: {one} {} of {}.",
+        list(demos),
+        judgment.set.len()
+    )];
+    remarks.extend(about_kept(judgment, kept));
+    remarks.iter().map(|remark| format!("{}\n", wrapped(remark))).collect::<Vec<_>>().join("\n")
+}
+
 /// The demonstrations from the most to the least suitable with their intervals, and which of them were kept.
-pub(crate) fn ranking(judgment: &Judgment<'_>, kept: Option<(&Subset, Keep)>) -> String {
+pub(crate) fn ranking(judgment: &Judgment<'_>, kept: Option<Kept<'_>>) -> String {
     let Judgment { set, ranking, uncertainty, unit } = judgment;
     let entries = &ranking.entries;
     let scale = Scale::of(entries.iter().flat_map(|entry| [entry.before, entry.after]), unit);
-    let k = kept.map_or(set.len().div_ceil(4), |(subset, _)| subset.demos.len());
+    let k = kept.map_or(set.len().div_ceil(4), |kept| kept.subset.demos.len());
     let titles = [
         scale.title("after"),
         scale.title("gain"),
@@ -54,7 +74,7 @@ pub(crate) fn ranking(judgment: &Judgment<'_>, kept: Option<(&Subset, Keep)>) ->
                 percent(doubt.top[k - 1]),
                 group(uncertainty, entry.demo),
             ];
-            row.extend(kept.map(|(subset, _)| is_kept(&subset.demos, entry.demo).to_owned()));
+            row.extend(kept.map(|kept| is_kept(&kept.subset.demos, entry.demo).to_owned()));
             row
         })
         .collect();
@@ -84,8 +104,8 @@ fn group(uncertainty: &Uncertainty, demo: DemoId) -> String {
 }
 
 /// What the table does not say by itself, a paragraph each.
-fn remarks(judgment: &Judgment<'_>, kept: Option<(&Subset, Keep)>) -> String {
-    let Judgment { ranking, uncertainty, .. } = judgment;
+fn remarks(judgment: &Judgment<'_>, kept: Option<Kept<'_>>) -> String {
+    let Judgment { uncertainty, .. } = judgment;
     let mut remarks = vec![if uncertainty.groups.len() > 1 {
         format!(
             "A group holds what cannot be told from its best, by the {} interval of their difference.",
@@ -95,17 +115,21 @@ fn remarks(judgment: &Judgment<'_>, kept: Option<(&Subset, Keep)>) -> String {
         "This budget can tell no demonstration from the best: their order may be chance.".to_owned()
     }];
     remarks.extend(uncertainty.caveat());
-    if let Some((subset, keep)) = kept {
-        if keep == Keep::Auto {
-            remarks.push(why_kept(uncertainty, subset));
-        }
-        if keep == Keep::Weights {
-            remarks
-                .push("Kept is what ended up heavy enough when the demonstrations were weighed.".to_owned());
-        }
-        remarks.extend(useless(ranking, subset));
-    }
+    remarks.extend(kept.map_or_else(Vec::new, |kept| about_kept(judgment, kept)));
     remarks.iter().map(|remark| format!("\n{}\n", wrapped(remark))).collect()
+}
+
+/// Why the kept were kept, and which of them did not help.
+fn about_kept(judgment: &Judgment<'_>, Kept { subset, keep }: Kept<'_>) -> Vec<String> {
+    let mut remarks = match keep {
+        Keep::Auto => vec![why_kept(judgment.uncertainty, subset)],
+        Keep::Weights => {
+            vec!["Kept is what ended up heavy enough when the demonstrations were weighed.".to_owned()]
+        }
+        Keep::Quarter | Keep::Count(_) => Vec::new(),
+    };
+    remarks.extend(useless(judgment.ranking, subset));
+    remarks
 }
 
 /// What `--keep auto` went by.
@@ -122,8 +146,8 @@ fn why_kept(uncertainty: &Uncertainty, subset: &Subset) -> String {
     let all =
         if subset.demos.len() == uncertainty.demonstrations.len() { " That is all of them." } else { "" };
     format!(
-        "Kept is what makes the agent better with a probability of {level} or more, and is not with as much less than \
-         half as good as the best.{all}"
+        "Kept is what makes the agent better with a probability of {level} or more, and is not with as much nearer \
+         to the median of the set than to its best.{all}"
     )
 }
 
@@ -243,7 +267,7 @@ mod tests {
         let (ranking, uncertainty) = (ranking_of(&scores), uncertainty(&scores));
         let judgment = Judgment { set: &set, ranking: &ranking, uncertainty: &uncertainty, unit: "m" };
         let subset = Subset { demos: vec![DemoId(0), DemoId(2)] };
-        let said = super::ranking(&judgment, Some((&subset, Keep::Auto)));
+        let said = super::ranking(&judgment, Some(Kept { subset: &subset, keep: Keep::Auto }));
         assert!(said.lines().all(|line| line.chars().count() <= 100), "{said}");
         for wanted in [
             "before, it scores -100.0 m",
