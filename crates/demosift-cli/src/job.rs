@@ -193,6 +193,11 @@ impl Job {
         self.config.keep
     }
 
+    /// How many are kept, as far as it is known before judging.
+    pub(crate) fn k(&self) -> usize {
+        self.config.keep.count_before_judging(self.set.len())
+    }
+
     pub(crate) fn method(&self) -> Method {
         self.config.method
     }

@@ -220,12 +220,9 @@ pub fn data_only(run: &mut Run<'_>) -> Result<DataOnly> {
     Ok(found)
 }
 
-/// K of the top K that is to be kept, as far as it is known before judging: a quarter where judging finds it.
+/// K of the top K that is to be kept, as far as it is known before judging.
 pub(crate) fn cut(run: &Run<'_>) -> usize {
-    match run.config.keep {
-        Keep::Count(count) => count,
-        Keep::Quarter | Keep::Auto | Keep::Weights => run.set.len().div_ceil(4),
-    }
+    run.config.keep.count_before_judging(run.set.len())
 }
 
 /// The name of what the selection by weights kept.

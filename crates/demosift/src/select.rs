@@ -52,6 +52,14 @@ pub enum Keep {
 impl Keep {
     /// What may stand in place of a number, for errors.
     pub const WORDS: &str = "auto, weights, or quarter";
+
+    /// K of the top K of a set of so many, as far as it is known before judging: a quarter, rounded up, where judging finds it.
+    pub fn count_before_judging(self, demonstrations: usize) -> usize {
+        match self {
+            Self::Count(count) => count,
+            Self::Quarter | Self::Auto | Self::Weights => demonstrations.div_ceil(4),
+        }
+    }
 }
 
 impl std::fmt::Display for Keep {

@@ -43,7 +43,7 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
         }));
         return Ok(());
     }
-    let judgment = Judgment { set: job.set(), ranking, uncertainty, unit: job.unit() };
+    let judgment = Judgment { set: job.set(), ranking, uncertainty, unit: job.unit(), k: job.k() };
     if !is_shown_already(&panel) {
         terminal::show(&judgment::ranking(&judgment, None));
     }
@@ -85,6 +85,7 @@ pub(super) fn first_then_all(job: &mut Job, json: bool) -> Result<Panel> {
             ranking: &first.ranking,
             uncertainty: &first.uncertainty,
             unit: job.unit(),
+            k: job.k(),
         };
         terminal::show(&format!(
             "First, by cloning alone; the judge of the paper follows.\n\n{}\n",

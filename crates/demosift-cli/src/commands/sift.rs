@@ -68,7 +68,7 @@ fn one(job: &mut Job, json: bool) -> Result<Value> {
 fn show(job: &Job, sifted: &Sifted, weighing: Option<&Weighing>, beside: &Beside, costs: &Costs) {
     let Sifted { panel, selection, verdict, .. } = sifted;
     let Selection { ranking, uncertainty, subset } = selection;
-    let judgment = Judgment { set: job.set(), ranking, uncertainty, unit: job.unit() };
+    let judgment = Judgment { set: job.set(), ranking, uncertainty, unit: job.unit(), k: job.k() };
     let kept = Kept { subset, keep: job.keep() };
     if judge::is_shown_already(panel) {
         terminal::show(&judgment::kept(&judgment, kept));

@@ -19,6 +19,8 @@ pub(crate) struct Judgment<'a> {
     pub(crate) ranking: &'a Ranking,
     pub(crate) uncertainty: &'a Uncertainty,
     pub(crate) unit: &'a str,
+    /// K of the column P(top K), where it is not known yet how many are kept.
+    pub(crate) k: usize,
 }
 
 /// What was kept, and what was asked for.
@@ -43,10 +45,10 @@ pub(crate) fn kept(judgment: &Judgment<'_>, kept: Kept<'_>) -> String {
 
 /// The demonstrations from the most to the least suitable with their intervals, and which of them were kept.
 pub(crate) fn ranking(judgment: &Judgment<'_>, kept: Option<Kept<'_>>) -> String {
-    let Judgment { set, ranking, uncertainty, unit } = judgment;
+    let Judgment { set, ranking, uncertainty, unit, .. } = judgment;
     let entries = &ranking.entries;
     let scale = Scale::of(entries.iter().flat_map(|entry| [entry.before, entry.after]), unit);
-    let k = kept.map_or(set.len().div_ceil(4), |kept| kept.subset.demos.len());
+    let k = kept.map_or(judgment.k, |kept| kept.subset.demos.len()).min(set.len());
     let titles = [
         scale.title("after"),
         scale.title("gain"),
@@ -265,7 +267,7 @@ mod tests {
         let set = planted_set(&[0.0, 90.0, 180.0], Seed::new(1)).unwrap();
         let scores = [101.5, 12.0, -3.0];
         let (ranking, uncertainty) = (ranking_of(&scores), uncertainty(&scores));
-        let judgment = Judgment { set: &set, ranking: &ranking, uncertainty: &uncertainty, unit: "m" };
+        let judgment = Judgment { set: &set, ranking: &ranking, uncertainty: &uncertainty, unit: "m", k: 1 };
         let subset = Subset { demos: vec![DemoId(0), DemoId(2)] };
         let said = super::ranking(&judgment, Some(Kept { subset: &subset, keep: Keep::Auto }));
         assert!(said.lines().all(|line| line.chars().count() <= 100), "{said}");

@@ -213,8 +213,9 @@ fn auto_keeps_what_surely_helps_and_is_not_surely_mediocre() {
     assert_eq!(kept(&truth, 0.05), [0, 2]);
     // Without any noise the second best is still kept: keeping more than one does not need ignorance.
     assert_eq!(kept(&truth, 0.0), [0, 2]);
-    // All alike: all are kept, however well they are known.
-    assert_eq!(kept(&[0.5, 0.51, 0.49], 0.02), [0, 1, 2]);
+    // All alike: all are kept, and where they only look a little different most of them.
+    assert_eq!(kept(&[0.5, 0.5, 0.5], 0.0), [0, 1, 2]);
+    assert!(kept(&[0.5; 10], 0.02).len() >= 6);
     // All help far more than they differ, as where gains count from a policy that knows nothing.
     assert_eq!(kept(&[10.0, 8.8, 10.1, 9.0, 9.2], 0.02), [0, 2]);
     // None helps: the one that does least harm.
