@@ -213,9 +213,10 @@ fn auto_keeps_what_surely_helps_and_is_not_surely_mediocre() {
     assert_eq!(kept(&truth, 0.05), [0, 2]);
     // Without any noise the second best is still kept: keeping more than one does not need ignorance.
     assert_eq!(kept(&truth, 0.0), [0, 2]);
-    // All alike: all are kept, and where they only look a little different most of them.
+    // All alike: all are kept, and about half of those that look a little different by chance.
     assert_eq!(kept(&[0.5, 0.5, 0.5], 0.0), [0, 1, 2]);
-    assert!(kept(&[0.5; 10], 0.02).len() >= 6);
+    let equals = kept(&[0.5; 10], 0.02).len();
+    assert!((4..=8).contains(&equals), "{equals} of ten equals");
     // All help far more than they differ, as where gains count from a policy that knows nothing.
     assert_eq!(kept(&[10.0, 8.8, 10.1, 9.0, 9.2], 0.02), [0, 2]);
     // None helps: the one that does least harm.
