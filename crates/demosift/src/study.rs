@@ -34,6 +34,7 @@ use crate::adapt::Rule;
 use crate::demonstration::DemoId;
 use crate::files;
 use crate::heuristic::Score;
+use crate::imitate::CurvePoint;
 
 pub use choice::{Choice, TopK};
 pub use plan::{Combination, Judge, Only, Pool, Regret, Rule as CombinationRule, Seeds, Set, Study};
@@ -185,8 +186,39 @@ pub struct Outcome {
     pub standard_error: f64,
 }
 
+/// Evaluations in the course of a training, `[points]` each.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Curve {
+    /// Updates made until then.
+    pub updates: Vec<usize>,
+    /// Environment steps learned from until then.
+    pub environment_steps: Vec<usize>,
+    /// Mean heuristic.
+    pub score: Vec<Score>,
+    /// Share of episodes that succeeded; empty where the task does not say.
+    pub success: Vec<f64>,
+}
+
+impl Curve {
+    /// Of these evaluations.
+    pub fn of(points: &[CurvePoint]) -> Self {
+        Self {
+            updates: points.iter().map(|point| point.updates).collect(),
+            environment_steps: points.iter().map(|point| point.environment_steps).collect(),
+            score: points.iter().map(|point| point.score).collect(),
+            success: points.iter().filter_map(|point| point.success).collect(),
+        }
+    }
+
+    /// Whether it was not kept.
+    pub fn is_empty(&self) -> bool {
+        self.score.is_empty()
+    }
+}
+
 /// What came of training once.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingResult {
     /// The last policy; the truth is taken from it, since no choice flatters it.
@@ -195,6 +227,9 @@ pub struct TrainingResult {
     pub chosen: Outcome,
     /// What it cost.
     pub cost: Cost,
+    /// How it went; empty in a compact file, and of trainings from before it was kept.
+    #[serde(default, skip_serializing_if = "Curve::is_empty")]
+    pub curve: Curve,
 }
 
 /// What came of a cell.

@@ -40,8 +40,13 @@ fn one(job: &mut Job, json: bool) -> Result<Value> {
             "run_folder": job.folder().path(),
         }));
     }
-    let judgment =
-        Judgment { set: job.set(), ranking: &ranking, uncertainty: &uncertainty, unit: job.unit(), k: job.k() };
+    let judgment = Judgment {
+        set: job.set(),
+        ranking: &ranking,
+        uncertainty: &uncertainty,
+        unit: job.unit(),
+        k: job.k(),
+    };
     let kept = Kept { subset: &subset, keep: job.keep() };
     terminal::show(&judgment::ranking(&judgment, Some(kept)));
     terminal::show(&weighing.map_or(String::new(), |weighing| format!("\n{}", weights::trends(&weighing))));

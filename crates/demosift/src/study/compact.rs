@@ -40,8 +40,9 @@ struct File {
 /// The bytes of the file, numbers rounded to six digits.
 pub fn write(compact: &Compact, pools: &[PoolSummary]) -> Vec<u8> {
     let Compact { demosift, study, notes, finished } = compact;
+    let plain = |value: Value| rounded(without_curves(value));
     let lines = |values: Vec<Value>| {
-        let lines: Vec<String> = values.into_iter().map(|value| rounded(value).to_string()).collect();
+        let lines: Vec<String> = values.into_iter().map(|value| plain(value).to_string()).collect();
         if lines.is_empty() { "[]".to_owned() } else { format!("[\n{}\n]", lines.join(",\n")) }
     };
     let cells = finished.cells().map(|cell| serde_json::to_value(cell).expect("a cell is plain data"));
@@ -81,6 +82,18 @@ pub fn read(bytes: &[u8]) -> Result<Compact> {
     let File { demosift, study, notes, cells, .. } = serde_json::from_slice(bytes).map_err(wrong)?;
     study.check()?;
     Ok(Compact { demosift, study, notes, finished: cells.into_iter().collect() })
+}
+
+/// The same without the curves of trainings, which would be most of the file.
+fn without_curves(value: Value) -> Value {
+    match value {
+        Value::Array(values) => values.into_iter().map(without_curves).collect(),
+        Value::Object(fields) => {
+            let kept = fields.into_iter().filter(|(key, _)| key != "curve");
+            Value::Object(kept.map(|(key, value)| (key, without_curves(value))).collect())
+        }
+        other => other,
+    }
 }
 
 /// The same with as many digits as count.

@@ -1,6 +1,6 @@
 //! Making one cell: the same functions as a run of the command, with a ledger that forgets.
 
-use super::{Cost, JudgedDemonstration, JudgingResult, Outcome, TrainingResult};
+use super::{Cost, Curve, JudgedDemonstration, JudgingResult, Outcome, TrainingResult};
 use crate::adapt::Rule;
 use crate::demonstration::{DemoId, DemonstrationSet};
 use crate::environment::Task;
@@ -92,6 +92,7 @@ pub fn training(
         end: outcome(&curve.end)?,
         chosen: outcome(&curve.outcome)?,
         cost: passed.since_last(),
+        curve: Curve::of(&curve.points),
     })
 }
 

@@ -358,7 +358,7 @@ pub(super) fn of_pool(study: &Study, pool: &Pool, finished: &Finished) -> Vec<Po
     let of_choice = |choice| {
         let training = |seed| {
             let demos = study.chosen(set, choice, seed, finished)?;
-            let result = *finished.training(&set.name, &demos, pool.imitator, seed)?;
+            let result = finished.training(&set.name, &demos, pool.imitator, seed)?.clone();
             Some(PoolTraining { seed, demos, result })
         };
         PoolSummary {

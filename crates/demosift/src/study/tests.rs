@@ -69,6 +69,7 @@ fn trained(demos: &[usize], seed: u64, end: f64) -> Cell {
             end: outcome(end),
             chosen: outcome(end + 1.0),
             cost: Cost::default(),
+            curve: Curve::default(),
         }),
     }
 }
@@ -392,7 +393,11 @@ impl Judge {
 #[test]
 fn a_compact_file_comes_back_and_a_bad_one_is_told() {
     let (study, mut finished) = (study(), finished());
-    finished.add(trained(&[0, 1], 0, 0.123_456_789));
+    let mut cell = trained(&[0, 1], 0, 0.123_456_789);
+    if let Found::Training(result) = &mut cell.found {
+        result.curve.score = vec![1.0, 2.0];
+    }
+    finished.add(cell);
     let compact =
         compact::Compact { demosift: "0".to_owned(), study, notes: vec!["a note".to_owned()], finished };
     let bytes = compact::write(&compact, &[]);
@@ -402,6 +407,7 @@ fn a_compact_file_comes_back_and_a_bad_one_is_told() {
     assert_eq!(compact::write(&back, &[]), bytes);
     let rounded = back.finished.training("four", &ids(&[0, 1]), Rule::Gail, 0).expect("kept");
     assert_eq!(rounded.end.score, 0.123_457);
+    assert!(rounded.curve.is_empty(), "a compact file has no curves");
     assert_eq!((back.study, back.notes), (compact.study, compact.notes));
     for bad in ["", "{}", "{\"version\": 9}", "[1]"] {
         assert!(compact::read(bad.as_bytes()).expect_err("bad").is_bad_input());
@@ -452,6 +458,8 @@ fn a_cell_is_what_a_run_finds() {
     let curve = experiment::learning_curve(&mut run, "some", &ids(&[0, 1])).expect("learns");
     assert_eq!(trained.chosen.score, curve.outcome.score);
     assert_eq!(trained.end.score, curve.end.score);
+    assert_eq!(trained.curve, Curve::of(&curve.points));
+    assert!(!trained.curve.is_empty() && trained.curve.success.len() == trained.curve.score.len());
     assert_eq!(trained.cost.environment_steps, make::planned_training(&means, Rule::Gail));
     assert!(make::planned_judging(&means) >= playground.steps_taken() - trained.cost.environment_steps);
 }
