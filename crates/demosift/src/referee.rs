@@ -77,6 +77,8 @@ impl std::fmt::Display for Refereeing {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self { cloning: 0, gail: 0 } => "none".fmt(out),
+            Self { cloning, gail: 0 } => write!(out, "cloning={cloning}"),
+            Self { cloning: 0, gail } => write!(out, "gail={gail}"),
             Self { cloning, gail } => write!(out, "cloning={cloning},gail={gail}"),
         }
     }

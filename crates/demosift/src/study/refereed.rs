@@ -83,7 +83,7 @@ impl Refereed {
         let mut subsets = vec![Choice::All];
         for kept in &self.kept {
             let control = set.and_then(|set| size(kept, set)).map(|k| Choice::Random(TopK::Count(k)));
-            for choice in [Some(kept.clone()), control].into_iter().flatten() {
+            for choice in [Some(named(kept, set)), control].into_iter().flatten() {
                 if !subsets.contains(&choice) {
                     subsets.push(choice);
                 }
@@ -98,7 +98,7 @@ impl Refereed {
         IMITATORS.into_iter().filter(|rule| self.pools.trainings(*rule) > 0).map(of).collect()
     }
 
-    /// What the referee says, for each kept subset and number of trainings whose pools have trainings by now.
+    /// What the referee says, for each kept subset and number of trainings whose pools have at least as many by now.
     pub(super) fn summarize(&self, study: &Study, finished: &Finished) -> Vec<RefereedSummary> {
         let Some(set) = study.set(&self.set) else { return Vec::new() };
         let pools: Vec<PoolSummary> =
@@ -106,7 +106,7 @@ impl Refereed {
         let of = |kept: &Choice, with: Refereeing| {
             let candidates = candidates(kept, set)?;
             let choice = |candidate: &Candidate| match candidate.side {
-                Side::Kept => kept.to_string(),
+                Side::Kept => named(kept, Some(set)).to_string(),
                 Side::Whole => Choice::All.to_string(),
                 Side::Random => Choice::Random(TopK::Count(candidate.size)).to_string(),
             };
@@ -115,7 +115,8 @@ impl Refereed {
                 for (index, candidate) in candidates.iter().enumerate() {
                     let is_its =
                         |pool: &&PoolSummary| pool.imitator == imitator && pool.subset == choice(candidate);
-                    let pool = pools.iter().find(is_its).filter(|pool| !pool.trainings.is_empty())?;
+                    let is_enough = |pool: &&PoolSummary| pool.trainings.len() >= with.trainings(imitator);
+                    let pool = pools.iter().find(is_its).filter(is_enough)?;
                     let trainings = pool.trainings.iter().map(training).collect();
                     drawn_from.push(Trained { candidate: index, imitator, trainings, dropped: false });
                 }
@@ -127,6 +128,14 @@ impl Refereed {
             Some(RefereedSummary { set: set.name.clone(), kept: kept.to_string(), with, pool, rates })
         };
         self.kept.iter().flat_map(|kept| self.with.iter().filter_map(move |with| of(kept, *with))).collect()
+    }
+}
+
+/// A random choice by its number, so that it is the same pool as the control of its size.
+fn named(kept: &Choice, set: Option<&Set>) -> Choice {
+    match (kept, set.and_then(|set| size(kept, set))) {
+        (Choice::Random(_), Some(k)) => Choice::Random(TopK::Count(k)),
+        _ => kept.clone(),
     }
 }
 
