@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use demosift::demonstration::source::{self, Columns, Format};
+use demosift::data::demonstration::source::{self, Columns, Format};
 
 /// Reads the bytes as a file of this format.
 pub fn file(bytes: &[u8], format: Format) {

@@ -6,11 +6,11 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
-use demosift::demonstration::source::Format;
-use demosift::method::Method;
-use demosift::preset::Preset;
-use demosift::referee::Refereeing;
-use demosift::select::Keep;
+use demosift::data::demonstration::source::Format;
+use demosift::run::preset::Preset;
+use demosift::stages::method::Method;
+use demosift::stages::referee::Refereeing;
+use demosift::stages::select::Keep;
 
 use crate::examples;
 use crate::interruption::GoesOn;
@@ -484,7 +484,7 @@ pub(crate) struct TasksArguments {
     pub(crate) json: bool,
 }
 
-/// [`demosift::preset::Preset`] as it is typed.
+/// [`demosift::run::preset::Preset`] as it is typed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum PresetName {
     /// Minutes; proves that it runs, and ranks roughly
@@ -505,7 +505,7 @@ impl From<PresetName> for Preset {
     }
 }
 
-/// [`demosift::panel::Judges`] as it is typed.
+/// [`demosift::results::panel::Judges`] as it is typed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum JudgesName {
     /// Clone each demonstration from scratch, several times
@@ -527,7 +527,7 @@ impl JudgesName {
     }
 }
 
-/// [`demosift::method::Method`] as it is typed.
+/// [`demosift::stages::method::Method`] as it is typed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum MethodName {
     /// Meta-learn to imitate any demonstration of the set

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use demosift::preset::Preset;
+use demosift::run::preset::Preset;
 use demosift::{Error, Result};
 use serde::de::DeserializeOwned;
 use toml::{Table, Value};
@@ -166,9 +166,9 @@ pub(crate) fn first_difference(old: &Table, new: &Table) -> Option<(String, Stri
 #[cfg(test)]
 mod tests {
     use super::*;
-    use demosift::demonstrator::DemonstratorTraining;
-    use demosift::experiment::Config;
-    use demosift::select::Keep;
+    use demosift::run::experiment::Config;
+    use demosift::stages::demonstrator::DemonstratorTraining;
+    use demosift::stages::select::Keep;
 
     fn plain(chosen: Preset) -> Table {
         preset(chosen, Layer::from_text("nothing", "").unwrap()).unwrap()

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use demosift::demonstration::DemonstrationSet;
-use demosift::demonstration::source::{self, Columns, Source};
+use demosift::data::demonstration::DemonstrationSet;
+use demosift::data::demonstration::source::{self, Columns, Source};
 use demosift::{Error, Result};
 
 use crate::arguments::SourceArguments;

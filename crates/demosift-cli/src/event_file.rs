@@ -7,7 +7,8 @@ use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
-use demosift::{Error, Result, tensorboard};
+use demosift::results::tensorboard;
+use demosift::{Error, Result};
 use serde_json::Value;
 
 /// TensorBoard looks for `tfevents` in the name.

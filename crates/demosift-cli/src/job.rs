@@ -2,17 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use demosift::adapt::MetaPrior;
-use demosift::artifact::{Artifact as _, FORMAT_VERSION};
-use demosift::data_only::DataOnly;
-use demosift::demonstration::{self, DemonstrationSet};
-use demosift::experiment::{self, Config, Run};
-use demosift::method::{Costs, Method};
-use demosift::panel::Judge;
-use demosift::preset::Preset;
-use demosift::rollout::Playground;
-use demosift::select::Keep;
-use demosift::trajectory::StateLog;
+use demosift::data::demonstration::{self, DemonstrationSet};
+use demosift::data::trajectory::StateLog;
+use demosift::learning::adapt::MetaPrior;
+use demosift::results::artifact::{Artifact as _, FORMAT_VERSION};
+use demosift::results::data_only::DataOnly;
+use demosift::results::panel::Judge;
+use demosift::run::experiment::{self, Config, Run};
+use demosift::run::preset::Preset;
+use demosift::stages::method::{Costs, Method};
+use demosift::stages::select::Keep;
+use demosift::world::rollout::Playground;
 use demosift::{Error, Result};
 use toml::Table;
 

@@ -2,11 +2,11 @@
 //!
 //! Nothing that judges could read it: it comes from the simulator's states in the file, through a door of their own.
 
-use demosift::data_only::{Column, DataOnly};
-use demosift::demonstration::DemonstrationSet;
-use demosift::environment::Task as _;
-use demosift::heuristic::Score;
-use demosift::trajectory::StateLog;
+use demosift::data::demonstration::DemonstrationSet;
+use demosift::data::trajectory::StateLog;
+use demosift::results::data_only::{Column, DataOnly};
+use demosift::world::environment::Task as _;
+use demosift::world::heuristic::Score;
 use demosift::{Error, Result};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::replay;

@@ -8,7 +8,8 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use demosift::{Error, Result, files};
+use demosift::basics::files;
+use demosift::{Error, Result};
 
 use crate::interruption::undisturbed;
 

@@ -4,10 +4,11 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use demosift::artifact::FORMAT_VERSION;
-use demosift::demonstration::source::{Columns, Format};
-use demosift::ledger::Ledger;
-use demosift::{Error, Result, files};
+use demosift::basics::files;
+use demosift::basics::ledger::Ledger;
+use demosift::data::demonstration::source::{Columns, Format};
+use demosift::results::artifact::FORMAT_VERSION;
+use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};
 use toml::Table;
 

@@ -2,16 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use demosift::adapt::Rule;
-use demosift::demonstration::DemonstrationSet;
-use demosift::demonstration::source::{self, Columns, Format};
-use demosift::experiment::{self, Config};
-use demosift::preset::Preset;
-use demosift::recording::Origin;
-use demosift::rollout::Playground;
-use demosift::study::{
+use demosift::data::demonstration::DemonstrationSet;
+use demosift::data::demonstration::source::{self, Columns, Format};
+use demosift::learning::adapt::Rule;
+use demosift::results::recording::Origin;
+use demosift::run::experiment::{self, Config};
+use demosift::run::preset::Preset;
+use demosift::run::study::{
     Choice, Combination, CombinationRule, Judge, Known, Only, Pool, Refereed, Regret, Seeds, Set, Study, TopK,
 };
+use demosift::world::rollout::Playground;
 use demosift::{Error, Result};
 use serde::Deserialize;
 use toml::Table;

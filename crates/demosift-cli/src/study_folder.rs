@@ -4,9 +4,10 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use demosift::experiment::Config;
-use demosift::study::{Cell, Work};
-use demosift::{Error, Result, files};
+use demosift::basics::files;
+use demosift::run::experiment::Config;
+use demosift::run::study::{Cell, Work};
+use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 

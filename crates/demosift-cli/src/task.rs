@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use demosift::environment::{OneVariant, Task};
-use demosift::point_mass::PointMass;
-use demosift::{Error, Result, files};
+use demosift::basics::files;
+use demosift::world::environment::{OneVariant, Task};
+use demosift::world::point_mass::PointMass;
+use demosift::{Error, Result};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::{names, registry};
 
@@ -152,8 +153,8 @@ fn unknown(name: &str) -> Error {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
-    use demosift::experiment::Config;
-    use demosift::preset::Preset;
+    use demosift::run::experiment::Config;
+    use demosift::run::preset::Preset;
 
     use super::*;
     use crate::configuration;

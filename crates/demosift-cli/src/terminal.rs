@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use demosift::observer::{Event, Observer};
+use demosift::basics::observer::{Event, Observer};
 use demosift::{Error, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 

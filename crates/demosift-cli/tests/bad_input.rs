@@ -4,11 +4,11 @@
 
 mod support;
 
-use demosift::artifact;
-use demosift::demonstration::d4rl::{self, Episode};
-use demosift::observation_filter::ObservationFilter;
-use demosift::policy::{Policy, PolicyShape};
-use demosift::rows::Rows;
+use demosift::data::demonstration::d4rl::{self, Episode};
+use demosift::data::observation_filter::ObservationFilter;
+use demosift::math::rows::Rows;
+use demosift::results::artifact;
+use demosift::world::policy::{Policy, PolicyShape};
 use hdf5_pure::FileBuilder;
 use support::Scratch;
 
@@ -336,7 +336,8 @@ fn a_run_folder_of_another_run() {
     // The same demonstrations may have moved.
     std::fs::copy(scratch.0.join("set/demonstrations.hdf5"), scratch.0.join("same.hdf5")).unwrap();
     scratch.succeed(&format!("judge same.hdf5 {TASK} --resume"));
-    let set = demosift::point_mass::planted_set(&[0.0, 90.0], demosift::seed::Seed::new(4)).unwrap();
+    let set =
+        demosift::world::point_mass::planted_set(&[0.0, 90.0], demosift::basics::seed::Seed::new(4)).unwrap();
     support::write_set(&scratch.0.join("other.hdf5"), &set);
     refuses(&scratch, &format!("judge other.hdf5 {TASK} --resume"), &["SHA-256 of the demonstrations was"]);
     support::assert_same_files(&before, &scratch.files("run"));
@@ -407,7 +408,8 @@ fn a_folder_that_is_no_run() {
 /// `policy.safetensors`, for the point mass.
 fn write_policy(scratch: &Scratch) {
     let shape = PolicyShape { hidden: vec![4], initial_std: 0.5 };
-    let policy = Policy::untrained(&shape, ObservationFilter::identity(4), 2, demosift::seed::Seed::new(1));
+    let policy =
+        Policy::untrained(&shape, ObservationFilter::identity(4), 2, demosift::basics::seed::Seed::new(1));
     std::fs::write(scratch.0.join("policy.safetensors"), artifact::write_policy(&policy)).unwrap();
 }
 

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use demosift::demonstration::d4rl;
+use demosift::data::demonstration::d4rl;
 use support::{RECORD, Scratch, assert_same_files};
 
 const TASK: &str = "--task point_mass --config tiny.toml";

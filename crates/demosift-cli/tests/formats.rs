@@ -6,8 +6,8 @@ mod support;
 
 use std::fs;
 
-use demosift::demonstration::source::{self, Columns, Format, Source};
-use demosift::demonstration::{self, d4rl};
+use demosift::data::demonstration::source::{self, Columns, Format, Source};
+use demosift::data::demonstration::{self, d4rl};
 use hdf5_pure::FileBuilder;
 use serde_json::Value;
 use support::{RECORD, Scratch, in_repository};
@@ -160,7 +160,7 @@ fn scores_come_with_where_they_are_from() {
 }
 
 fn in_scratch_sha256(scratch: &Scratch, path: &str) -> String {
-    demosift::files::sha256(&[scratch.0.join(path)]).unwrap()
+    demosift::basics::files::sha256(&[scratch.0.join(path)]).unwrap()
 }
 
 #[test]

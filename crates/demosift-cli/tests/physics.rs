@@ -4,12 +4,12 @@
 
 mod support;
 
-use demosift::demonstration::DemonstrationSet;
-use demosift::demonstration::d4rl::{self, Episode, States};
-use demosift::environment::{EnvVariant, Environment as _, Task as _};
-use demosift::recording::Origin;
-use demosift::rows::Rows;
-use demosift::seed::Seed;
+use demosift::basics::seed::Seed;
+use demosift::data::demonstration::DemonstrationSet;
+use demosift::data::demonstration::d4rl::{self, Episode, States};
+use demosift::math::rows::Rows;
+use demosift::results::recording::Origin;
+use demosift::world::environment::{EnvVariant, Environment as _, Task as _};
 use demosift_mujoco::registry;
 use support::{Scratch, assert_same_files, in_repository};
 

@@ -6,10 +6,10 @@
 mod onnxruntime;
 mod support;
 
-use demosift::artifact;
-use demosift::demonstration::d4rl;
-use demosift::environment::Task as _;
-use demosift::policy::Player;
+use demosift::data::demonstration::d4rl;
+use demosift::results::artifact;
+use demosift::world::environment::Task as _;
+use demosift::world::policy::Player;
 use demosift_mujoco::registry;
 use support::{RECORD, Scratch, in_repository};
 

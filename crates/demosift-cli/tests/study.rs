@@ -261,7 +261,7 @@ fn a_public_set_is_left_out_in_words_or_must_be_the_right_one() {
         &["the set 'two': the SHA-256 is ", "must be 0123", "demonstrations.hdf5"],
     );
     let path = scratch.0.join("set/demonstrations.hdf5");
-    public(&demosift::files::sha256(&[path]).unwrap());
+    public(&demosift::basics::files::sha256(&[path]).unwrap());
     let told = scratch.succeed("study tiny.toml --out run --dry-run --data set");
     assert!(!told.contains("left out"), "{told}");
     refuses(

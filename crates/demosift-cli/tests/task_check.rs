@@ -4,8 +4,8 @@
 
 mod support;
 
-use demosift::demonstration::d4rl::{self, Episode};
-use demosift::rows::Rows;
+use demosift::data::demonstration::d4rl::{self, Episode};
+use demosift::math::rows::Rows;
 use serde_json::Value;
 use support::{Scratch, in_repository};
 

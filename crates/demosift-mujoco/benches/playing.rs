@@ -8,12 +8,12 @@
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-use demosift::environment::{EnvVariant, Environment, Task};
-use demosift::observation_filter::ObservationFilter;
-use demosift::policy::{Policy, PolicyShape};
-use demosift::rollout::{self, Acting, Playground};
-use demosift::seed::Seed;
-use demosift::trajectory::Trajectory;
+use demosift::basics::seed::Seed;
+use demosift::data::observation_filter::ObservationFilter;
+use demosift::data::trajectory::Trajectory;
+use demosift::world::environment::{EnvVariant, Environment, Task};
+use demosift::world::policy::{Policy, PolicyShape};
+use demosift::world::rollout::{self, Acting, Playground};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
 use mujoco_rs::prelude::{MjData, MjModel};

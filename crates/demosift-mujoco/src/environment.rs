@@ -6,12 +6,12 @@
 //!
 //! A simulation that became unstable shows itself: from then to the end of the episode all
 //! observations, measurements and rewards are NaN, which
-//! [`Trajectory::new`](demosift::trajectory::Trajectory::new) turns into an error.
+//! [`Trajectory::new`](demosift::data::trajectory::Trajectory::new) turns into an error.
 
 use std::sync::Arc;
 
-use demosift::environment::{EnvVariant, Environment, SimulatorState, StepOutcome};
-use demosift::seed::Seed;
+use demosift::basics::seed::Seed;
+use demosift::world::environment::{EnvVariant, Environment, SimulatorState, StepOutcome};
 use demosift::{Error, Result};
 use mujoco_rs::prelude::{MjData, MjtWarning};
 

@@ -1,8 +1,8 @@
 //! Episodes made into pictures: every step as a picture, a contact sheet of all, and a clip of one after the other.
 
-use demosift::environment::Task as _;
-use demosift::observer::{Event, Observer};
-use demosift::trajectory::StateLog;
+use demosift::basics::observer::{Event, Observer};
+use demosift::data::trajectory::StateLog;
+use demosift::world::environment::Task as _;
 use demosift::{Error, Result};
 
 use crate::mujoco_task::MujocoTask;

@@ -2,8 +2,8 @@
 //!
 //! A pure fold over rows, written once and used twice: over a finished episode, and row by row as an environment plays.
 
-use demosift::heuristic::{Heuristic, Score};
-use demosift::rows::Rows;
+use demosift::math::rows::Rows;
+use demosift::world::heuristic::{Heuristic, Score};
 use demosift::{Error, Result};
 use serde::Deserialize;
 

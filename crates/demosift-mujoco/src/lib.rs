@@ -1,4 +1,4 @@
-//! Tasks in MuJoCo: an MJCF model and a `task.toml` become a [`demosift::environment::Task`].
+//! Tasks in MuJoCo: an MJCF model and a `task.toml` become a [`demosift::world::environment::Task`].
 //!
 //! The flow: [`registry::load`] finds the two files, [`mujoco_task::MujocoTask`] resolves every name in them once,
 //! and each worker plays on a [`environment::MujocoEnvironment`] of its own.

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use demosift::environment::{Environment, Specification, Task};
-use demosift::heuristic::Heuristic;
-use demosift::rows::Rows;
+use demosift::math::rows::Rows;
+use demosift::world::environment::{Environment, Specification, Task};
+use demosift::world::heuristic::Heuristic;
 use demosift::{Error, Result};
 
 use crate::ends::Ends;
@@ -79,9 +79,9 @@ impl MujocoTask {
     /// As [`MujocoTask::from_file`].
     ///
     /// ```
-    /// use demosift::environment::{EnvVariant, Task};
-    /// use demosift::rows::Rows;
-    /// use demosift::seed::Seed;
+    /// use demosift::world::environment::{EnvVariant, Task};
+    /// use demosift::math::rows::Rows;
+    /// use demosift::basics::seed::Seed;
     /// use demosift_mujoco::mujoco_task::MujocoTask;
     ///
     /// let cart = r#"

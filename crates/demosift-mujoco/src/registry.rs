@@ -87,7 +87,7 @@ pub fn names() -> Vec<&'static str> {
 /// If it is neither (lists the names there are), or something in the task is wrong.
 ///
 /// ```
-/// use demosift::environment::Task;
+/// use demosift::world::environment::Task;
 /// use demosift_mujoco::registry;
 ///
 /// let task = registry::load("half_cheetah")?;

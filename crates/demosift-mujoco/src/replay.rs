@@ -5,9 +5,9 @@
 //! Only the row after the last action, which no recording holds, is simulated: by that action, from the last state.
 //! The solver does not know where it stood before that step, so that one row may differ in its last digits.
 
-use demosift::environment::{Environment as _, Task as _};
-use demosift::rows::Rows;
-use demosift::trajectory::StateLog;
+use demosift::data::trajectory::StateLog;
+use demosift::math::rows::Rows;
+use demosift::world::environment::{Environment as _, Task as _};
 use demosift::{Error, Result};
 
 use crate::environment::MujocoEnvironment;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use demosift::seed::{Rng, Seed};
+use demosift::basics::seed::{Rng, Seed};
 use demosift::{Error, Result};
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};

@@ -1,6 +1,6 @@
 //! What a viewer outside of MuJoCo needs to draw a task: the shapes of its model, and where its bodies are at each step.
 
-use demosift::trajectory::StateLog;
+use demosift::data::trajectory::StateLog;
 use demosift::{Error, Result};
 use mujoco_rs::prelude::{MjData, MjtCamLight, MjtGeom};
 use serde::Serialize;

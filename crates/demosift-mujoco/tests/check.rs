@@ -1,11 +1,11 @@
 //! What a check of a task finds: mistakes that are planted one by one in an arm that is right, and in recordings of it.
 #![allow(clippy::unwrap_used, clippy::print_stderr, missing_docs)]
 
-use demosift::demonstration::{Demonstration, DemonstrationSet};
-use demosift::environment::{EnvVariant, Environment as _, Task as _};
-use demosift::rows::Rows;
-use demosift::seed::Seed;
-use demosift::trajectory::StateLog;
+use demosift::basics::seed::Seed;
+use demosift::data::demonstration::{Demonstration, DemonstrationSet};
+use demosift::data::trajectory::StateLog;
+use demosift::math::rows::Rows;
+use demosift::world::environment::{EnvVariant, Environment as _, Task as _};
 use demosift_mujoco::check::{self, Finding, Recorded, Severity, StatesFrom};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use rand::RngExt as _;
@@ -503,7 +503,7 @@ fn states_are_taken_from_observations_without_the_place_of_a_slide() {
 /// Ten runs that others recorded in Gymnasium: another program, with the same physics.
 #[test]
 fn a_public_set_leads_where_its_recorder_says() {
-    use demosift::demonstration::d4rl;
+    use demosift::data::demonstration::d4rl;
     let path = "../../../shared/data/half_cheetah_noisy/half_cheetah_noisy.hdf5";
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(path);
     if !path.exists() {
@@ -520,7 +520,7 @@ fn a_public_set_leads_where_its_recorder_says() {
 /// The sets of the repository are of their tasks, but for the guests of one.
 #[test]
 fn the_sets_of_the_repository_are_of_their_tasks() {
-    use demosift::demonstration::d4rl;
+    use demosift::data::demonstration::d4rl;
     for (task, set, others) in [
         ("free_throw", "free_throw_8", 0),
         ("free_throw", "free_throw_20", 6),
@@ -734,7 +734,7 @@ fn the_same_body_with_other_contacts_is_no_error_and_another_body_is() {
 /// Ten runs that others recorded in Gym, half of which end in a fall; their velocities are clipped, and the engine is an old one.
 #[test]
 fn a_public_set_of_early_ends_and_clipped_velocities_is_explained() {
-    use demosift::demonstration::d4rl;
+    use demosift::data::demonstration::d4rl;
     let path = "../../../shared/data/walker2d_noisy/walker2d_noisy.hdf5";
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(path);
     if !path.exists() {

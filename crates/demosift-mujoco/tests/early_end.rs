@@ -1,12 +1,12 @@
 //! Episodes that end early, from playing to what is written of them.
 #![allow(clippy::unwrap_used, missing_docs)]
 
-use demosift::demonstration::d4rl::{self, Episode, States};
-use demosift::environment::{EnvVariant, OneVariant, Task};
-use demosift::observation_filter::ObservationFilter;
-use demosift::policy::{Policy, PolicyShape};
-use demosift::rollout::{self, Acting, Playground};
-use demosift::seed::Seed;
+use demosift::basics::seed::Seed;
+use demosift::data::demonstration::d4rl::{self, Episode, States};
+use demosift::data::observation_filter::ObservationFilter;
+use demosift::world::environment::{EnvVariant, OneVariant, Task};
+use demosift::world::policy::{Policy, PolicyShape};
+use demosift::world::rollout::{self, Acting, Playground};
 use demosift_mujoco::{registry, replay};
 
 const EPISODES: usize = 8;

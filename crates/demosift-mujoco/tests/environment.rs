@@ -1,10 +1,10 @@
 //! Each word of `task.toml` on a small model, and what becomes of states that cannot be simulated.
 #![allow(clippy::unwrap_used, clippy::print_stderr, missing_docs)]
 
-use demosift::environment::{EnvVariant, Environment, Task};
-use demosift::rows::Rows;
-use demosift::seed::Seed;
-use demosift::trajectory::{Parts, Trajectory};
+use demosift::basics::seed::Seed;
+use demosift::data::trajectory::{Parts, Trajectory};
+use demosift::math::rows::Rows;
+use demosift::world::environment::{EnvVariant, Environment, Task};
 use demosift_mujoco::environment::MujocoEnvironment;
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;

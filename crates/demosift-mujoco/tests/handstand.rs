@@ -3,8 +3,8 @@
 
 mod support;
 
-use demosift::environment::{EnvVariant, Task};
-use demosift::rows::Rows;
+use demosift::math::rows::Rows;
+use demosift::world::environment::{EnvVariant, Task};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
 use support::Episode;

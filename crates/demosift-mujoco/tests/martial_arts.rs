@@ -3,9 +3,9 @@
 
 mod support;
 
-use demosift::environment::{EnvVariant, Task};
-use demosift::rows::Rows;
-use demosift::seed::Seed;
+use demosift::basics::seed::Seed;
+use demosift::math::rows::Rows;
+use demosift::world::environment::{EnvVariant, Task};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
 use rand::RngExt;

@@ -3,8 +3,8 @@
 
 mod support;
 
-use demosift::environment::{EnvVariant, Environment, Task};
-use demosift::seed::Seed;
+use demosift::basics::seed::Seed;
+use demosift::world::environment::{EnvVariant, Environment, Task};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
 use rand::RngExt;

@@ -1,8 +1,8 @@
 //! Pictures. A test binary of its own with one test, since OpenGL wants one thread.
 #![allow(clippy::unwrap_used, clippy::print_stderr, missing_docs)]
 
-use demosift::environment::{EnvVariant, Environment};
-use demosift::seed::Seed;
+use demosift::basics::seed::Seed;
+use demosift::world::environment::{EnvVariant, Environment};
 use demosift_mujoco::registry;
 use demosift_mujoco::render::Viewpoint;
 

@@ -3,15 +3,15 @@
 
 use std::path::{Path, PathBuf};
 
-use demosift::demonstration::d4rl;
-use demosift::environment::{EnvVariant, Task};
-use demosift::metrics;
-use demosift::observation_filter::ObservationFilter;
-use demosift::policy::{Policy, PolicyShape};
-use demosift::rollout::{self, Acting, Playground};
-use demosift::rows::Rows;
-use demosift::seed::Seed;
-use demosift::trajectory::StateLog;
+use demosift::basics::seed::Seed;
+use demosift::data::demonstration::d4rl;
+use demosift::data::observation_filter::ObservationFilter;
+use demosift::data::trajectory::StateLog;
+use demosift::math::rows::Rows;
+use demosift::results::metrics;
+use demosift::world::environment::{EnvVariant, Task};
+use demosift::world::policy::{Policy, PolicyShape};
+use demosift::world::rollout::{self, Acting, Playground};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::{registry, replay};
 use serde_json::Value;

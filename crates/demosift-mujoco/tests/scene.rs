@@ -2,9 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-use demosift::environment::{EnvVariant, Environment as _, Task as _};
-use demosift::seed::Seed;
-use demosift::trajectory::StateLog;
+use demosift::basics::seed::Seed;
+use demosift::data::trajectory::StateLog;
+use demosift::world::environment::{EnvVariant, Environment as _, Task as _};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
 use demosift_mujoco::scene::{self, Motion, POSE_BYTES};

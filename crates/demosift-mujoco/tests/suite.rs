@@ -8,10 +8,10 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use demosift::environment::{EnvVariant, Environment, Specification, Task};
-use demosift::rows::Rows;
-use demosift::seed::{Rng, Seed};
-use demosift::trajectory::{Parts, Trajectory};
+use demosift::basics::seed::{Rng, Seed};
+use demosift::data::trajectory::{Parts, Trajectory};
+use demosift::math::rows::Rows;
+use demosift::world::environment::{EnvVariant, Environment, Specification, Task};
 use demosift_mujoco::environment::MujocoEnvironment;
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;

@@ -1,9 +1,9 @@
 //! Walker2d steps, and ends, as Gymnasium's does.
 #![allow(clippy::unwrap_used, clippy::print_stderr, missing_docs)]
 
-use demosift::environment::{EnvVariant, Environment, Task};
-use demosift::rows::Rows;
-use demosift::seed::Seed;
+use demosift::basics::seed::Seed;
+use demosift::math::rows::Rows;
+use demosift::world::environment::{EnvVariant, Environment, Task};
 use demosift_mujoco::registry;
 use serde_json::Value;
 

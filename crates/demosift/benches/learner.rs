@@ -4,15 +4,15 @@
 
 #![allow(missing_docs, clippy::print_stdout, clippy::unwrap_used)]
 
-use demosift::advantage::{AdvantageEstimation, Rewarded, advantages};
-use demosift::gail::{self, Discriminator, Fitting};
-use demosift::nn::{Adam, Lstm, LstmTape, Mlp, Tape, gaussian, sigmoid_in_place};
-use demosift::observation_filter::ObservationFilter;
-use demosift::policy::Policy;
-use demosift::rows::Rows;
-use demosift::seed::Seed;
-use demosift::solve;
-use demosift::trpo::{self, Experience, StepEnd, TrustRegion};
+use demosift::basics::seed::Seed;
+use demosift::data::observation_filter::ObservationFilter;
+use demosift::learning::advantage::{AdvantageEstimation, Rewarded, advantages};
+use demosift::learning::gail::{self, Discriminator, Fitting};
+use demosift::learning::trpo::{self, Experience, StepEnd, TrustRegion};
+use demosift::math::nn::{Adam, Lstm, LstmTape, Mlp, Tape, gaussian, sigmoid_in_place};
+use demosift::math::rows::Rows;
+use demosift::math::solve;
+use demosift::world::policy::Policy;
 use gemm::Parallelism;
 use std::hint::black_box;
 use std::time::Instant;

@@ -3,17 +3,17 @@
 //! `cargo run --release -p demosift --example meta_order [SEEDS]`
 #![allow(clippy::print_stdout, reason = "an example shows what it finds")]
 
-use demosift::adapt::{InnerUpdate, Rule};
-use demosift::experiment::{self, Config, Run};
-use demosift::judge::ScoreTable;
-use demosift::ledger::InMemory;
-use demosift::meta_train::Order;
-use demosift::observer::Silent;
-use demosift::panel::Judge;
-use demosift::point_mass::{PointMass, planted_set};
-use demosift::preset::Preset;
-use demosift::rollout::Playground;
-use demosift::seed::Seed;
+use demosift::basics::ledger::InMemory;
+use demosift::basics::observer::Silent;
+use demosift::basics::seed::Seed;
+use demosift::learning::adapt::{InnerUpdate, Rule};
+use demosift::results::panel::Judge;
+use demosift::run::experiment::{self, Config, Run};
+use demosift::run::preset::Preset;
+use demosift::stages::judge::ScoreTable;
+use demosift::stages::meta_train::Order;
+use demosift::world::point_mass::{PointMass, planted_set};
+use demosift::world::rollout::Playground;
 
 fn main() -> demosift::Result<()> {
     let seeds = std::env::args().nth(1).and_then(|seeds| seeds.parse().ok()).unwrap_or(5);

@@ -4,13 +4,13 @@
 
 #![allow(clippy::print_stdout, reason = "an example shows what it finds")]
 
-use demosift::experiment::{Run, sift};
-use demosift::ledger::InMemory;
-use demosift::observer::Silent;
-use demosift::point_mass::{PointMass, planted_set};
-use demosift::preset::Preset;
-use demosift::rollout::Playground;
-use demosift::seed::Seed;
+use demosift::basics::ledger::InMemory;
+use demosift::basics::observer::Silent;
+use demosift::basics::seed::Seed;
+use demosift::run::experiment::{Run, sift};
+use demosift::run::preset::Preset;
+use demosift::world::point_mass::{PointMass, planted_set};
+use demosift::world::rollout::Playground;
 
 fn main() -> demosift::Result<()> {
     // Where the demonstrations go, in degrees from the goal: the first is best, the last goes the opposite way.

@@ -6,13 +6,13 @@
 //! Here six demonstrations drive a point mass, which should go east; two of them do.
 //!
 //! ```
-//! use demosift::experiment::{Run, sift};
-//! use demosift::ledger::InMemory;
-//! use demosift::observer::Silent;
-//! use demosift::point_mass::{PointMass, planted_set};
-//! use demosift::preset::Preset;
-//! use demosift::rollout::Playground;
-//! use demosift::seed::Seed;
+//! use demosift::run::experiment::{Run, sift};
+//! use demosift::basics::ledger::InMemory;
+//! use demosift::basics::observer::Silent;
+//! use demosift::world::point_mass::{PointMass, planted_set};
+//! use demosift::run::preset::Preset;
+//! use demosift::world::rollout::Playground;
+//! use demosift::basics::seed::Seed;
 //!
 //! // Where each demonstration goes, in degrees away from the goal. Nothing in the set tells.
 //! let set = planted_set(&[180.0, 5.0, 120.0, -10.0, -150.0, 90.0], Seed::new(1))?;
@@ -43,51 +43,13 @@
 //! The method is that of "Learning from noisy demonstration sets via meta-learned suitability assessor"; sections,
 //! equations and algorithms in this documentation are those of that paper.
 
-pub mod adapt;
-pub mod adapted_behaviors;
-pub mod advantage;
-pub mod artifact;
-pub mod behavioral_cloning;
-pub mod data_only;
-pub mod demonstration;
-pub mod demonstrator;
-pub mod environment;
-pub mod error;
-pub mod experiment;
-pub mod files;
-pub mod forecast;
-pub mod gail;
-pub mod heuristic;
-pub mod imitate;
-pub mod judge;
-pub mod ledger;
-pub mod meta_train;
-pub mod method;
-pub mod metrics;
-pub mod mutual_information;
-pub mod nn;
-pub mod observation_filter;
-pub mod observer;
-pub mod panel;
-pub mod point_mass;
-pub mod policy;
-pub mod pre_train;
-pub mod preset;
-mod protobuf;
-pub mod recording;
-pub mod referee;
-pub mod report;
-pub mod rollout;
-pub mod rows;
-pub mod seed;
-pub mod select;
-pub mod solve;
-pub mod study;
-pub mod subset_selection;
-pub mod tensorboard;
-pub mod trajectory;
-pub mod trpo;
-pub mod uncertainty;
-pub mod weights;
+pub mod basics;
+pub mod data;
+pub mod learning;
+pub mod math;
+pub mod results;
+pub mod run;
+pub mod stages;
+pub mod world;
 
-pub use error::{Error, Result};
+pub use basics::error::{Error, Result};

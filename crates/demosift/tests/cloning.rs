@@ -3,25 +3,25 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
-use demosift::adapt::{MetaPrior, Rule};
-use demosift::artifact::Artifact as _;
-use demosift::behavioral_cloning::{Cloning, Descent};
-use demosift::demonstration::{DemoId, DemonstrationSet};
-use demosift::environment::Task;
-use demosift::experiment::{self, Config, Run, Sifted};
-use demosift::judge::ScoreTable;
-use demosift::ledger::{InMemory, Ledger};
-use demosift::meta_train::Order;
-use demosift::method::Method;
-use demosift::observer::{Event, Observer, Silent};
-use demosift::panel::Judge;
-use demosift::point_mass::{PointMass, planted_set};
-use demosift::policy::PolicyShape;
-use demosift::preset::Preset;
-use demosift::referee::Refereeing;
-use demosift::rollout::Playground;
-use demosift::seed::Seed;
-use demosift::select::{self, Keep};
+use demosift::basics::ledger::{InMemory, Ledger};
+use demosift::basics::observer::{Event, Observer, Silent};
+use demosift::basics::seed::Seed;
+use demosift::data::demonstration::{DemoId, DemonstrationSet};
+use demosift::learning::adapt::{MetaPrior, Rule};
+use demosift::learning::behavioral_cloning::{Cloning, Descent};
+use demosift::results::artifact::Artifact as _;
+use demosift::results::panel::Judge;
+use demosift::run::experiment::{self, Config, Run, Sifted};
+use demosift::run::preset::Preset;
+use demosift::stages::judge::ScoreTable;
+use demosift::stages::meta_train::Order;
+use demosift::stages::method::Method;
+use demosift::stages::referee::Refereeing;
+use demosift::stages::select::{self, Keep};
+use demosift::world::environment::Task;
+use demosift::world::point_mass::{PointMass, planted_set};
+use demosift::world::policy::PolicyShape;
+use demosift::world::rollout::Playground;
 
 /// Everything by behavioral cloning, with the exact meta-gradient.
 fn cloning(seed: u64) -> Config {

@@ -4,31 +4,31 @@
 use std::collections::BTreeMap;
 
 use demosift::Result;
-use demosift::adapt::{InnerUpdate, Rule};
-use demosift::artifact::Artifact as _;
-use demosift::behavioral_cloning::Cloning;
-use demosift::demonstration::{DemoId, DemonstrationSet};
-use demosift::demonstrator::{self, DemonstratorState, DemonstratorTraining};
-use demosift::experiment::{self, CloningJudge, Config, Keeping, Run};
-use demosift::forecast::{self, By, Goal, Planned, Recording};
-use demosift::imitate::Imitation;
-use demosift::judge::Judging;
-use demosift::ledger::{InMemory, Ledger};
-use demosift::meta_train::{MetaTraining, MutualInformation};
-use demosift::method::Method;
-use demosift::mutual_information::PosteriorFitting;
-use demosift::observer::Silent;
-use demosift::panel::Judges;
-use demosift::point_mass::{PointMass, planted_set};
-use demosift::policy::PolicyShape;
-use demosift::preset::Preset;
-use demosift::recording::{self, Part};
-use demosift::referee::{self, Refereeing};
-use demosift::rollout::Playground;
-use demosift::seed::Seed;
-use demosift::select::Keep;
-use demosift::subset_selection::SubsetSelection;
-use demosift::trpo::TrustRegion;
+use demosift::basics::ledger::{InMemory, Ledger};
+use demosift::basics::observer::Silent;
+use demosift::basics::seed::Seed;
+use demosift::data::demonstration::{DemoId, DemonstrationSet};
+use demosift::learning::adapt::{InnerUpdate, Rule};
+use demosift::learning::behavioral_cloning::Cloning;
+use demosift::learning::mutual_information::PosteriorFitting;
+use demosift::learning::trpo::TrustRegion;
+use demosift::results::artifact::Artifact as _;
+use demosift::results::panel::Judges;
+use demosift::results::recording::{self, Part};
+use demosift::run::experiment::{self, CloningJudge, Config, Keeping, Run};
+use demosift::run::forecast::{self, By, Goal, Planned, Recording};
+use demosift::run::preset::Preset;
+use demosift::stages::demonstrator::{self, DemonstratorState, DemonstratorTraining};
+use demosift::stages::imitate::Imitation;
+use demosift::stages::judge::Judging;
+use demosift::stages::meta_train::{MetaTraining, MutualInformation};
+use demosift::stages::method::Method;
+use demosift::stages::referee::{self, Refereeing};
+use demosift::stages::select::Keep;
+use demosift::stages::subset_selection::SubsetSelection;
+use demosift::world::point_mass::{PointMass, planted_set};
+use demosift::world::policy::PolicyShape;
+use demosift::world::rollout::Playground;
 
 fn tiny(method: Method, rule: Rule) -> Config {
     let quick = Preset::Quick.config();
@@ -326,5 +326,5 @@ fn a_recording_is_counted() {
     assert_eq!(planned[1].environment_steps, playground.steps_taken() - trained);
     let rest = forecast::planned_recording(&playground, &asked, &ledger).unwrap();
     assert_eq!(rest, planned[1..], "a demonstrator that is trained is not trained again");
-    assert!(Vec::<demosift::demonstrator::Stage>::recall(&ledger, "").unwrap().is_some());
+    assert!(Vec::<demosift::stages::demonstrator::Stage>::recall(&ledger, "").unwrap().is_some());
 }

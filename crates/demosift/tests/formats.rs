@@ -6,10 +6,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use demosift::demonstration::source::{self, Columns, Format, Source};
-use demosift::demonstration::{self, lerobot, minari, robomimic};
-use demosift::error::Error;
-use demosift::trajectory::StateLog;
+use demosift::basics::error::Error;
+use demosift::data::demonstration::source::{self, Columns, Format, Source};
+use demosift::data::demonstration::{self, lerobot, minari, robomimic};
+use demosift::data::trajectory::StateLog;
 
 const LENGTHS: [usize; 3] = [4, 3, 5];
 

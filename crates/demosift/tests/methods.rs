@@ -3,25 +3,25 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
-use demosift::adapt::{InnerUpdate, Rule};
-use demosift::demonstration::{DemoId, DemonstrationSet};
-use demosift::environment::Task;
-use demosift::experiment::{self, Config, Run};
-use demosift::gail::Fitting;
-use demosift::judge::Judging;
-use demosift::ledger::{InMemory, Ledger};
-use demosift::meta_train::{MetaTraining, MutualInformation};
-use demosift::method::{Method, Plan};
-use demosift::mutual_information::PosteriorFitting;
-use demosift::observer::{Event, Observer, Silent};
-use demosift::panel::{Judge, Judges};
-use demosift::point_mass::{PointMass, planted_set};
-use demosift::policy::PolicyShape;
-use demosift::preset::Preset;
-use demosift::rollout::Playground;
-use demosift::seed::Seed;
-use demosift::select::{self, Keep};
-use demosift::subset_selection::{SubsetSelection, Weighing};
+use demosift::basics::ledger::{InMemory, Ledger};
+use demosift::basics::observer::{Event, Observer, Silent};
+use demosift::basics::seed::Seed;
+use demosift::data::demonstration::{DemoId, DemonstrationSet};
+use demosift::learning::adapt::{InnerUpdate, Rule};
+use demosift::learning::gail::Fitting;
+use demosift::learning::mutual_information::PosteriorFitting;
+use demosift::results::panel::{Judge, Judges};
+use demosift::run::experiment::{self, Config, Run};
+use demosift::run::preset::Preset;
+use demosift::stages::judge::Judging;
+use demosift::stages::meta_train::{MetaTraining, MutualInformation};
+use demosift::stages::method::{Method, Plan};
+use demosift::stages::select::{self, Keep};
+use demosift::stages::subset_selection::{SubsetSelection, Weighing};
+use demosift::world::environment::Task;
+use demosift::world::point_mass::{PointMass, planted_set};
+use demosift::world::policy::PolicyShape;
+use demosift::world::rollout::Playground;
 
 /// Steps of an episode of the point mass.
 const HORIZON: u64 = 30;

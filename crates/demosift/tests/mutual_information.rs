@@ -1,19 +1,19 @@
 //! Mutual information on the point mass: the posterior comes to tell by the change of behavior what was imitated.
 #![allow(clippy::unwrap_used)]
 
-use demosift::adapt::InnerUpdate;
-use demosift::demonstration::{Demonstration, DemonstrationSet};
-use demosift::environment::{EnvVariant, Task};
-use demosift::gail::Fitting;
-use demosift::meta_train::{self, MetaState, MetaTraining, MutualInformation};
-use demosift::mutual_information::{Paid, PosteriorFitting};
-use demosift::observer::{Event, Observer};
-use demosift::point_mass::PointMass;
-use demosift::policy::PolicyShape;
-use demosift::preset::Preset;
-use demosift::rollout::Playground;
-use demosift::rows::Rows;
-use demosift::seed::Seed;
+use demosift::basics::observer::{Event, Observer};
+use demosift::basics::seed::Seed;
+use demosift::data::demonstration::{Demonstration, DemonstrationSet};
+use demosift::learning::adapt::InnerUpdate;
+use demosift::learning::gail::Fitting;
+use demosift::learning::mutual_information::{Paid, PosteriorFitting};
+use demosift::math::rows::Rows;
+use demosift::run::preset::Preset;
+use demosift::stages::meta_train::{self, MetaState, MetaTraining, MutualInformation};
+use demosift::world::environment::{EnvVariant, Task};
+use demosift::world::point_mass::PointMass;
+use demosift::world::policy::PolicyShape;
+use demosift::world::rollout::Playground;
 
 /// log Q of a posterior that knows nothing: standard normal, at encodings of variance 1.
 const IGNORANT: f64 = -1.418_938_533;

@@ -4,12 +4,12 @@
 
 mod onnxruntime;
 
-use demosift::artifact::onnx;
-use demosift::environment::{Specification, Task as _};
-use demosift::observation_filter::ObservationFilter;
-use demosift::point_mass::PointMass;
-use demosift::policy::{Player, Policy, PolicyShape};
-use demosift::seed::{Rng, Seed};
+use demosift::basics::seed::{Rng, Seed};
+use demosift::data::observation_filter::ObservationFilter;
+use demosift::results::artifact::onnx;
+use demosift::world::environment::{Specification, Task as _};
+use demosift::world::point_mass::PointMass;
+use demosift::world::policy::{Player, Policy, PolicyShape};
 use rand_distr::{Distribution as _, StandardNormal};
 
 const ROWS: usize = 600;

@@ -3,35 +3,36 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
-use demosift::adapt::{InnerUpdate, MetaPrior};
-use demosift::artifact::Artifact as _;
-use demosift::demonstration::{DemoId, DemonstrationSet};
-use demosift::demonstrator::{self, DemonstratorState, DemonstratorTraining, Stage};
-use demosift::environment::{EnvVariant, Task};
-use demosift::experiment::{self, CloningJudge, Config, Keeping, Run, Sifted};
-use demosift::imitate::Imitation;
-use demosift::judge::Judging;
-use demosift::ledger::{InMemory, Ledger};
-use demosift::meta_train::{MetaTraining, MutualInformation};
-use demosift::method::Method;
-use demosift::mutual_information::PosteriorFitting;
-use demosift::observer::{Event, Observer, Silent};
-use demosift::panel::{Judge, Judges};
-use demosift::point_mass::{PointMass, planted_set};
-use demosift::policy::PolicyShape;
-use demosift::preset::Preset;
-use demosift::recording;
-use demosift::referee::{self, Refereeing};
-use demosift::rollout::Playground;
-use demosift::seed::Seed;
-use demosift::select::{self, Keep};
-use demosift::subset_selection::SubsetSelection;
-use demosift::trpo::TrustRegion;
+use demosift::basics::ledger::{InMemory, Ledger};
+use demosift::basics::observer::{Event, Observer, Silent};
+use demosift::basics::seed::Seed;
+use demosift::data::demonstration::{DemoId, DemonstrationSet};
+use demosift::learning::adapt::{InnerUpdate, MetaPrior};
+use demosift::learning::mutual_information::PosteriorFitting;
+use demosift::learning::trpo::TrustRegion;
+use demosift::results::artifact::Artifact as _;
+use demosift::results::panel::{Judge, Judges};
+use demosift::results::recording;
+use demosift::run::experiment::{self, CloningJudge, Config, Keeping, Run, Sifted};
+use demosift::run::preset::Preset;
+use demosift::stages::demonstrator::{self, DemonstratorState, DemonstratorTraining, Stage};
+use demosift::stages::imitate::Imitation;
+use demosift::stages::judge::Judging;
+use demosift::stages::meta_train::{MetaTraining, MutualInformation};
+use demosift::stages::method::Method;
+use demosift::stages::referee::{self, Refereeing};
+use demosift::stages::select::{self, Keep};
+use demosift::stages::subset_selection::SubsetSelection;
+use demosift::world::environment::{EnvVariant, Task};
+use demosift::world::point_mass::{PointMass, planted_set};
+use demosift::world::policy::PolicyShape;
+use demosift::world::rollout::Playground;
 
 /// Small enough for a test, large enough to rank.
 fn small(seed: u64) -> Config {
     let quick = Preset::Quick.config();
-    let fitting = demosift::gail::Fitting { learning_rate: 0.01, steps: 20, batch: 100, entropy: 0.3 };
+    let fitting =
+        demosift::learning::gail::Fitting { learning_rate: 0.01, steps: 20, batch: 100, entropy: 0.3 };
     Config {
         seed,
         method: Method::Maml,
@@ -93,7 +94,7 @@ fn small(seed: u64) -> Config {
 }
 
 /// The parts of the flow that make scores.
-fn scores(set: &DemonstrationSet, task: &dyn Task, config: &Config) -> demosift::judge::ScoreTable {
+fn scores(set: &DemonstrationSet, task: &dyn Task, config: &Config) -> demosift::stages::judge::ScoreTable {
     let run = &mut Run {
         set,
         playground: &Playground::new(task),

@@ -5,6 +5,7 @@ use crate::sources::{Source, is_word};
 use std::collections::{BTreeMap, BTreeSet};
 
 const LIBRARY: &str = "crates/demosift/src/";
+const BANDS: [&str; 8] = ["basics", "math", "data", "world", "learning", "stages", "results", "run"];
 const TABLE: &str = "ARCHITECTURE.md";
 /// The highest layer that the MuJoCo crate may see: everything above is an algorithm.
 const PLAYING: usize = 4;
@@ -164,7 +165,10 @@ fn reaches(edges: &BTreeMap<String, BTreeSet<String>>, from: &str, to: &str) -> 
 fn module_of(source: &Source) -> Option<String> {
     let file = source.path.strip_prefix(LIBRARY)?.strip_suffix(".rs")?;
     let module = file.strip_suffix("/mod").unwrap_or(file);
-    (module != "lib").then(|| module.replace('/', "::"))
+    // A band's own `mod.rs` only declares, as the root does.
+    let declares = module == "lib"
+        || (file.ends_with("/mod") && module.matches('/').count() == 0 && BANDS.contains(&module));
+    (!declares).then(|| module.replace('/', "::"))
 }
 
 /// What the library's root re-exports: short name to full path.

@@ -228,7 +228,7 @@ fn the_library_reads_no_states() {
 #[test]
 fn the_library_reads_no_states_catches() {
     let library = [
-        planted("demonstration/d4rl/states", "pub fn read_states() {}"),
+        planted("data/demonstration/d4rl/states", "pub fn read_states() {}"),
         planted("judge", "use crate::demonstration::d4rl;\nlet states = d4rl::read_states(path)?;"),
     ];
     caught(&rules::library_reads_no_states(&library), &["crates/demosift/src/judge.rs:2"]);
@@ -262,14 +262,14 @@ fn judging_knows_no_provenance() {
 #[test]
 fn judging_knows_no_provenance_catches() {
     let library = [
-        planted("judge", "/// Knows no provenance.\nlet x = read(\"Provenance.json\");"),
-        planted("demonstration/mod", "struct DemoProvenance;"),
-        planted("provenance", "pub struct Provenance;"),
+        planted("stages/judge", "/// Knows no provenance.\nlet x = read(\"Provenance.json\");"),
+        planted("data/demonstration/mod", "struct DemoProvenance;"),
+        planted("results/provenance", "pub struct Provenance;"),
         planted("lib", "pub mod provenance;"),
     ];
     caught(
         &rules::judging_knows_no_provenance(&library),
-        &["crates/demosift/src/judge.rs:2", "crates/demosift/src/demonstration/mod.rs:1"],
+        &["crates/demosift/src/stages/judge.rs:2", "crates/demosift/src/data/demonstration/mod.rs:1"],
     );
 }
 

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use demosift::study::Only;
+use demosift::run::study::Only;
 
 #[derive(Debug, Args)]
 pub(crate) struct StudyArguments {

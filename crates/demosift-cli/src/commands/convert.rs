@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use demosift::demonstration::source::{Episode, Source};
-use demosift::demonstration::{self, lerobot, minari};
-use demosift::trajectory::StateLog;
+use demosift::data::demonstration::source::{Episode, Source};
+use demosift::data::demonstration::{self, lerobot, minari};
+use demosift::data::trajectory::StateLog;
 use demosift::{Error, Result};
 use serde_json::json;
 

@@ -4,8 +4,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use demosift::Result;
-use demosift::environment::Task;
-use demosift::forecast::{self, Forecast, Goal};
+use demosift::run::forecast::{self, Forecast, Goal};
+use demosift::world::environment::Task;
 use serde_json::json;
 
 use crate::arguments::RunArguments;

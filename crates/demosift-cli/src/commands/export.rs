@@ -4,14 +4,15 @@ mod policies;
 
 use std::path::{Path, PathBuf};
 
-use demosift::artifact::Artifact as _;
-use demosift::demonstration::source::Format;
-use demosift::demonstration::{self, DemoId, lerobot, minari, robomimic};
-use demosift::referee::Verdict;
-use demosift::select::{Ranking, Subset};
-use demosift::subset_selection::Weighing;
-use demosift::uncertainty::Uncertainty;
-use demosift::{Error, Result, files};
+use demosift::basics::files;
+use demosift::data::demonstration::source::Format;
+use demosift::data::demonstration::{self, DemoId, lerobot, minari, robomimic};
+use demosift::results::artifact::Artifact as _;
+use demosift::results::uncertainty::Uncertainty;
+use demosift::stages::referee::Verdict;
+use demosift::stages::select::{Ranking, Subset};
+use demosift::stages::subset_selection::Weighing;
+use demosift::{Error, Result};
 use serde_json::{Value, json};
 
 use super::convert;

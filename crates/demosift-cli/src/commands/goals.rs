@@ -1,8 +1,9 @@
 //! A task of several goals: Eq. 9 picks per goal, so what follows judging is done for each goal by itself, in a folder of its
 //! own within that of the run.
 
-use demosift::forecast::{self, Goal};
-use demosift::{Result, experiment};
+use demosift::Result;
+use demosift::run::experiment;
+use demosift::run::forecast::{self, Goal};
 use serde_json::{Value, json};
 
 use super::{dry_run, judge};

@@ -1,9 +1,10 @@
 //! `demosift imitate`: Subset → LearningCurve.
 
-use demosift::demonstration::{DemoId, DemonstrationSet};
-use demosift::forecast::Goal;
+use demosift::data::demonstration::{DemoId, DemonstrationSet};
+use demosift::results::metrics;
+use demosift::run::experiment;
+use demosift::run::forecast::Goal;
 use demosift::{Error, Result};
-use demosift::{experiment, metrics};
 use serde_json::{Value, json};
 
 use super::{dry_run, goals, kept_in, select};

@@ -1,8 +1,8 @@
 //! `demosift inspect`: what a file of demonstrations holds, and whether one could learn from it.
 
 use demosift::Result;
-use demosift::demonstration::inspection::{self, Inspection, Spread};
-use demosift::experiment;
+use demosift::data::demonstration::inspection::{self, Inspection, Spread};
+use demosift::run::experiment;
 use serde_json::json;
 
 use crate::arguments::InspectArguments;

@@ -1,10 +1,10 @@
 //! `demosift judge`: MetaPrior → ScoreTable.
 
 use demosift::Result;
-use demosift::experiment;
-use demosift::forecast::Goal;
-use demosift::judge::ScoreTable;
-use demosift::panel::{Judge, Opinion, Panel};
+use demosift::results::panel::{Judge, Opinion, Panel};
+use demosift::run::experiment;
+use demosift::run::forecast::Goal;
+use demosift::stages::judge::ScoreTable;
 use serde_json::{Value, json};
 
 use super::{dry_run, kept_in};

@@ -1,9 +1,9 @@
 //! `demosift meta-train`: DemonstrationSet → MetaPrior, by the method that is asked for.
 
 use demosift::Result;
-use demosift::experiment;
-use demosift::forecast::Goal;
-use demosift::method::Method;
+use demosift::run::experiment;
+use demosift::run::forecast::Goal;
+use demosift::stages::method::Method;
 use serde_json::json;
 
 use super::{dry_run, kept_in};

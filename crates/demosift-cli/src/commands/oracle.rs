@@ -1,14 +1,16 @@
 //! `demosift oracle`: each demonstration alone from scratch, what rankings are compared with.
 
-use demosift::artifact::Artifact;
-use demosift::demonstration::DemoId;
-use demosift::experiment::Run;
-use demosift::forecast::Goal;
-use demosift::heuristic::Score;
-use demosift::imitate::LearningCurve;
-use demosift::metrics::AgainstRandom;
-use demosift::select::Ranking;
-use demosift::{Error, Result, experiment, metrics};
+use demosift::data::demonstration::DemoId;
+use demosift::results::artifact::Artifact;
+use demosift::results::metrics;
+use demosift::results::metrics::AgainstRandom;
+use demosift::run::experiment;
+use demosift::run::experiment::Run;
+use demosift::run::forecast::Goal;
+use demosift::stages::imitate::LearningCurve;
+use demosift::stages::select::Ranking;
+use demosift::world::heuristic::Score;
+use demosift::{Error, Result};
 use serde_json::json;
 
 use super::{dry_run, kept_in};

@@ -2,15 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
-use demosift::demonstration::{self, DemonstrationSet};
-use demosift::environment::{EnvVariant, Specification};
-use demosift::heuristic::Score;
-use demosift::policy::Policy;
-use demosift::rollout::{self, Acting, Playground};
-use demosift::rows::Rows;
-use demosift::seed::Seed;
-use demosift::trajectory::StateLog;
-use demosift::{Error, Result, artifact};
+use demosift::basics::seed::Seed;
+use demosift::data::demonstration::{self, DemonstrationSet};
+use demosift::data::trajectory::StateLog;
+use demosift::math::rows::Rows;
+use demosift::results::artifact;
+use demosift::world::environment::{EnvVariant, Specification};
+use demosift::world::heuristic::Score;
+use demosift::world::policy::Policy;
+use demosift::world::rollout::{self, Acting, Playground};
+use demosift::{Error, Result};
 use demosift_mujoco::film::{self, Film, Take, Wanted};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::render::Viewpoint;
@@ -147,7 +148,7 @@ fn replay(chosen: &Chosen, data: &Path, arguments: &PlayArguments) -> Result<Vec
     episodes.collect()
 }
 
-fn find(set: &DemonstrationSet, id: usize) -> Result<(usize, &demosift::demonstration::Demonstration)> {
+fn find(set: &DemonstrationSet, id: usize) -> Result<(usize, &demosift::data::demonstration::Demonstration)> {
     let found = set.iter().nth(id).map(|(_, demonstration)| (id, demonstration));
     found.ok_or_else(|| {
         let last = set.len() - 1;

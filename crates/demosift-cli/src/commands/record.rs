@@ -4,17 +4,17 @@ mod source;
 
 use std::path::Path;
 
-use demosift::artifact::{self, Artifact as _, onnx};
-use demosift::demonstration::d4rl::{self, Episode, States};
-use demosift::demonstration::source::RECORDED;
-use demosift::demonstrator::{self, DemonstratorState, DemonstratorTraining, Outcome, Stage};
-use demosift::experiment::{self, Keeping};
-use demosift::forecast::{self, By, Forecast};
-use demosift::ledger::Ledger as _;
-use demosift::recording::{self, Origin, Part, Recorded};
-use demosift::rollout::Playground;
-use demosift::rows::Rows;
-use demosift::seed::Seed;
+use demosift::basics::ledger::Ledger as _;
+use demosift::basics::seed::Seed;
+use demosift::data::demonstration::d4rl::{self, Episode, States};
+use demosift::data::demonstration::source::RECORDED;
+use demosift::math::rows::Rows;
+use demosift::results::artifact::{self, Artifact as _, onnx};
+use demosift::results::recording::{self, Origin, Part, Recorded};
+use demosift::run::experiment::{self, Keeping};
+use demosift::run::forecast::{self, By, Forecast};
+use demosift::stages::demonstrator::{self, DemonstratorState, DemonstratorTraining, Outcome, Stage};
+use demosift::world::rollout::Playground;
 use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::json;

@@ -1,7 +1,8 @@
 //! `demosift referee`: what to train on, by which imitator, and whether selecting helps.
 
-use demosift::forecast::Goal;
-use demosift::{Result, experiment};
+use demosift::Result;
+use demosift::run::experiment;
+use demosift::run::forecast::Goal;
 use serde_json::{Value, json};
 
 use super::{goals, kept_in};

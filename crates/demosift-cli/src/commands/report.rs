@@ -2,10 +2,13 @@
 
 use std::path::PathBuf;
 
-use demosift::artifact::Artifact;
-use demosift::data_only::DataOnly;
-use demosift::report::{Report, Sources};
-use demosift::{Result, experiment, files, report};
+use demosift::Result;
+use demosift::basics::files;
+use demosift::results::artifact::Artifact;
+use demosift::results::data_only::DataOnly;
+use demosift::results::report;
+use demosift::results::report::{Report, Sources};
+use demosift::run::experiment;
 use serde_json::json;
 
 use crate::arguments::ReportArguments;

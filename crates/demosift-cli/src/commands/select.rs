@@ -1,11 +1,11 @@
 //! `demosift select`: ScoreTable → Ranking, Uncertainty, Subset.
 
 use demosift::Result;
-use demosift::artifact::Artifact;
-use demosift::experiment::{self, Run, Selection};
-use demosift::forecast::Goal;
-use demosift::select::Keep;
-use demosift::subset_selection::Weighing;
+use demosift::results::artifact::Artifact;
+use demosift::run::experiment::{self, Run, Selection};
+use demosift::run::forecast::Goal;
+use demosift::stages::select::Keep;
+use demosift::stages::subset_selection::Weighing;
 use serde_json::{Value, json};
 
 use super::{goals, kept_in};

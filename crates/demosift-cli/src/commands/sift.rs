@@ -1,10 +1,10 @@
 //! `demosift sift`: the whole job.
 
 use demosift::Result;
-use demosift::experiment::{self, Selection, Sifted};
-use demosift::forecast::Goal;
-use demosift::method::Costs;
-use demosift::subset_selection::Weighing;
+use demosift::run::experiment::{self, Selection, Sifted};
+use demosift::run::forecast::Goal;
+use demosift::stages::method::Costs;
+use demosift::stages::subset_selection::Weighing;
 use serde_json::{Value, json};
 
 use super::{goals, judge, kept_in, report, select};

@@ -7,11 +7,12 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use demosift::study::compact::{self, Compact};
-use demosift::study::make::{self, Means};
-use demosift::study::summary::{self, Summary};
-use demosift::study::{Cell, Finished, Found, Only, Work};
-use demosift::{Error, Result, files};
+use demosift::basics::files;
+use demosift::run::study::compact::{self, Compact};
+use demosift::run::study::make::{self, Means};
+use demosift::run::study::summary::{self, Summary};
+use demosift::run::study::{Cell, Finished, Found, Only, Work};
+use demosift::{Error, Result};
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::json;
 

@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::time::Instant;
 
-use demosift::demonstration::{self, Demonstration};
-use demosift::seed::Seed;
-use demosift::trajectory::StateLog;
+use demosift::basics::seed::Seed;
+use demosift::data::demonstration::{self, Demonstration};
+use demosift::data::trajectory::StateLog;
 use demosift::{Error, Result};
 use demosift_mujoco::check::{
     self, Actuator, Compared, Finding, Part, Played, Range, Recorded, Seen, Severity, StatesFrom,

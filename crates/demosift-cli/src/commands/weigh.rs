@@ -1,8 +1,8 @@
 //! `demosift weigh`: MetaPrior → Weighing.
 
 use demosift::Result;
-use demosift::experiment::{self, Config};
-use demosift::forecast::Goal;
+use demosift::run::experiment::{self, Config};
+use demosift::run::forecast::Goal;
 use serde_json::json;
 
 use super::{dry_run, kept_in};

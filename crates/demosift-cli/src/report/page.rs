@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use demosift::demonstration::source;
-use demosift::report::Report;
+use demosift::data::demonstration::source;
+use demosift::results::report::Report;
 use serde::Serialize;
 
 use super::replay::Replay;

@@ -2,12 +2,13 @@
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use demosift::environment::Task as _;
-use demosift::heuristic::Score;
-use demosift::panel::Judge;
-use demosift::report::{self, Part, Shown};
-use demosift::trajectory::StateLog;
-use demosift::{Result, experiment};
+use demosift::Result;
+use demosift::data::trajectory::StateLog;
+use demosift::results::panel::Judge;
+use demosift::results::report::{self, Part, Shown};
+use demosift::run::experiment;
+use demosift::world::environment::Task as _;
+use demosift::world::heuristic::Score;
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::replay::measurements;
 use demosift_mujoco::scene::{self, Scene};

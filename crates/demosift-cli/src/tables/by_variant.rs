@@ -1,8 +1,8 @@
 //! Scores under each goal of a multi-goal task.
 
-use demosift::environment::EnvVariant;
-use demosift::judge::ScoreTable;
-use demosift::select;
+use demosift::stages::judge::ScoreTable;
+use demosift::stages::select;
+use demosift::world::environment::EnvVariant;
 
 use super::{Scale, table, wrapped};
 
@@ -43,8 +43,8 @@ pub(crate) fn gains(scores: &ScoreTable, variants: &[String], unit: &str) -> Str
 
 #[cfg(test)]
 mod tests {
-    use demosift::demonstration::DemoId;
-    use demosift::judge::Suitability;
+    use demosift::data::demonstration::DemoId;
+    use demosift::stages::judge::Suitability;
 
     use super::*;
 

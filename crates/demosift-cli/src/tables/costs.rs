@@ -1,7 +1,11 @@
 //! What the stages of a run cost in environment steps, beside the budget that all methods have.
 
-use demosift::method::Costs;
-use demosift::{demonstrator, meta_train, pre_train, referee, subset_selection};
+use demosift::stages::demonstrator;
+use demosift::stages::meta_train;
+use demosift::stages::method::Costs;
+use demosift::stages::pre_train;
+use demosift::stages::referee;
+use demosift::stages::subset_selection;
 use serde_json::{Map, Value, json};
 
 use super::{table, wrapped};

@@ -1,6 +1,6 @@
 //! What a run would cost, a stage a row.
 
-use demosift::forecast::{Forecast, Foreseen};
+use demosift::run::forecast::{Forecast, Foreseen};
 
 use super::{costs, table, wrapped};
 

@@ -1,12 +1,12 @@
 //! The judgment of a set: the ranking with its doubts, and what the recordings alone say.
 
-use demosift::data_only::DataOnly;
-use demosift::demonstration::{DemoId, DemonstrationSet};
-use demosift::judge::ScoreTable;
-use demosift::metrics;
-use demosift::panel::Judge;
-use demosift::select::{Keep, Ranking, Subset};
-use demosift::uncertainty::Uncertainty;
+use demosift::data::demonstration::{DemoId, DemonstrationSet};
+use demosift::results::data_only::DataOnly;
+use demosift::results::metrics;
+use demosift::results::panel::Judge;
+use demosift::results::uncertainty::Uncertainty;
+use demosift::stages::judge::ScoreTable;
+use demosift::stages::select::{Keep, Ranking, Subset};
 use serde_json::{Value, json};
 
 use crate::own_heuristic::Beside;
@@ -203,7 +203,7 @@ fn agreement(ranking: &Ranking, scores: &[f64]) -> f64 {
 
 /// The columns with their agreement.
 pub(crate) fn data_only_json(ranking: &Ranking, data_only: &DataOnly) -> Value {
-    let column = |column: &demosift::data_only::Column| {
+    let column = |column: &demosift::results::data_only::Column| {
         let spearman = agreement(ranking, &column.scores);
         json!({ "name": column.name, "meaning": column.meaning, "scores": column.scores, "spearman": spearman })
     };
@@ -226,10 +226,11 @@ fn significant(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use demosift::data_only::Column;
-    use demosift::select::Ranked;
-    use demosift::uncertainty::Doubt;
-    use demosift::{point_mass::planted_set, seed::Seed};
+    use demosift::basics::seed::Seed;
+    use demosift::results::data_only::Column;
+    use demosift::results::uncertainty::Doubt;
+    use demosift::stages::select::Ranked;
+    use demosift::world::point_mass::planted_set;
 
     fn ranking_of(scores: &[f64]) -> Ranking {
         let ranked = |(demo, score): (usize, &f64)| Ranked {

@@ -9,10 +9,10 @@ pub(crate) mod study;
 pub(crate) mod verdict;
 pub(crate) mod weights;
 
-use demosift::demonstration::{DemoId, DemonstrationSet};
-use demosift::heuristic::Score;
-use demosift::imitate::LearningCurve;
-use demosift::metrics::{self, Decline, Gain};
+use demosift::data::demonstration::{DemoId, DemonstrationSet};
+use demosift::results::metrics::{self, Decline, Gain};
+use demosift::stages::imitate::LearningCurve;
+use demosift::world::heuristic::Score;
 
 /// Columns that fit their widest cell; words to the left, numbers to the right.
 pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
@@ -239,7 +239,7 @@ pub(crate) fn list(demos: &[DemoId]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use demosift::imitate::CurvePoint;
+    use demosift::stages::imitate::CurvePoint;
 
     use super::*;
 
@@ -266,11 +266,11 @@ mod tests {
             outcome: point(60, -0.72),
             end: point(120, last),
             played: 0,
-            best: demosift::policy::Policy::untrained(
-                &demosift::policy::PolicyShape { hidden: vec![1], initial_std: 1.0 },
-                demosift::observation_filter::ObservationFilter::identity(1),
+            best: demosift::world::policy::Policy::untrained(
+                &demosift::world::policy::PolicyShape { hidden: vec![1], initial_std: 1.0 },
+                demosift::data::observation_filter::ObservationFilter::identity(1),
                 1,
-                demosift::seed::Seed::new(1),
+                demosift::basics::seed::Seed::new(1),
             ),
         };
         let said = policies(&[("all 8".to_owned(), &curve(-1.25)), ("4".to_owned(), &curve(-0.8))], "m");

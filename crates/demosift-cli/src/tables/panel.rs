@@ -1,7 +1,7 @@
 //! The judges beside each other: what each says, how well they agree, and whose order is taken.
 
-use demosift::demonstration::DemoId;
-use demosift::panel::{Disagreement, Judge, Opinion, Panel, Vote};
+use demosift::data::demonstration::DemoId;
+use demosift::results::panel::{Disagreement, Judge, Opinion, Panel, Vote};
 
 use super::{Scale, list, percent, table, wrapped};
 

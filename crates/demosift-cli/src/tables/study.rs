@@ -1,11 +1,11 @@
 //! The tables of a study, plain or in Markdown.
 
-use demosift::adapt::Rule;
-use demosift::referee::ConclusionRates;
-use demosift::study::compact::Compact;
-use demosift::study::estimate::{Difference, ENOUGH_SEEDS, Estimate};
-use demosift::study::summary::{Compared, SetSummary, Summary};
-use demosift::study::{RefereedSummary, Work, imitator_name};
+use demosift::learning::adapt::Rule;
+use demosift::run::study::compact::Compact;
+use demosift::run::study::estimate::{Difference, ENOUGH_SEEDS, Estimate};
+use demosift::run::study::summary::{Compared, SetSummary, Summary};
+use demosift::run::study::{RefereedSummary, Work, imitator_name};
+use demosift::stages::referee::ConclusionRates;
 use serde::Serialize;
 
 use super::{Scale, percent, rounded, table, wrapped};

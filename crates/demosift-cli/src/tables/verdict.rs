@@ -1,6 +1,6 @@
 //! What the referee says: a pair a row, and the sentence below.
 
-use demosift::referee::{Candidate, Pair, Side, Verdict, imitator_name};
+use demosift::stages::referee::{Candidate, Pair, Side, Verdict, imitator_name};
 
 use super::{Scale, percent, table, wrapped};
 

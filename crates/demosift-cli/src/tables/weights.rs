@@ -1,6 +1,6 @@
 //! The trends of the weights (Fig. 9).
 
-use demosift::subset_selection::{Weighing, WeighingEnd};
+use demosift::stages::subset_selection::{Weighing, WeighingEnd};
 
 use super::{is_kept, table, wrapped};
 

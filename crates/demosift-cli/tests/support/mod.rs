@@ -7,10 +7,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use demosift::demonstration::DemonstrationSet;
-use demosift::demonstration::d4rl::{self, Episode};
-use demosift::point_mass;
-use demosift::seed::Seed;
+use demosift::basics::seed::Seed;
+use demosift::data::demonstration::DemonstrationSet;
+use demosift::data::demonstration::d4rl::{self, Episode};
+use demosift::world::point_mass;
 
 /// Budgets that take a second.
 pub(crate) const TINY: &str = "

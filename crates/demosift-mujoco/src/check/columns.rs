@@ -1,9 +1,9 @@
 //! Whether recorded observations are what the task would have observed in the recorded states, and if not, what they are.
 
 use demosift::Result;
-use demosift::environment::Task as _;
-use demosift::rows::Rows;
-use demosift::trajectory::StateLog;
+use demosift::data::trajectory::StateLog;
+use demosift::math::rows::Rows;
+use demosift::world::environment::Task as _;
 
 use super::{Finding, first_few, in_first, looked_at};
 use crate::interval::Interval;

@@ -4,8 +4,8 @@
 //! which shows whether the physics is the same whatever chaos makes of a small difference.
 
 use demosift::Result;
-use demosift::rows::Rows;
-use demosift::trajectory::StateLog;
+use demosift::data::trajectory::StateLog;
+use demosift::math::rows::Rows;
 use serde::Serialize;
 
 use super::known::{Known, Numbers};

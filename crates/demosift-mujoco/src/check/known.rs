@@ -1,8 +1,8 @@
 //! What observations tell of the simulator's states, and which of their numbers are clipped and so not known.
 
-use demosift::demonstration::Demonstration;
-use demosift::rows::Rows;
-use demosift::trajectory::StateLog;
+use demosift::data::demonstration::Demonstration;
+use demosift::data::trajectory::StateLog;
+use demosift::math::rows::Rows;
 
 use super::Finding;
 use crate::interval::Interval;

@@ -1,9 +1,9 @@
 //! Whether recorded episodes last as long as those of the task, and where they do not, whether the task would have ended them too.
 
 use demosift::Result;
-use demosift::environment::Task as _;
-use demosift::rows::Rows;
-use demosift::trajectory::StateLog;
+use demosift::data::trajectory::StateLog;
+use demosift::math::rows::Rows;
+use demosift::world::environment::Task as _;
 
 use super::known::Known;
 use super::recorded::Recorded;

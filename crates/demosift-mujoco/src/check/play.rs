@@ -4,9 +4,9 @@
 //! drawn anew at every step.
 
 use demosift::Result;
-use demosift::environment::{EnvVariant, Environment as _, Specification, Task as _};
-use demosift::rows::Rows;
-use demosift::seed::{Rng, Seed};
+use demosift::basics::seed::{Rng, Seed};
+use demosift::math::rows::Rows;
+use demosift::world::environment::{EnvVariant, Environment as _, Specification, Task as _};
 use rand::RngExt;
 use serde::Serialize;
 

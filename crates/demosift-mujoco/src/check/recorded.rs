@@ -1,10 +1,10 @@
 //! What becomes of recorded demonstrations in a task: sizes, actions, observations, and their actions played again.
 
 use demosift::Result;
-use demosift::demonstration::Demonstration;
-use demosift::environment::Task as _;
-use demosift::heuristic::Score;
-use demosift::trajectory::StateLog;
+use demosift::data::demonstration::Demonstration;
+use demosift::data::trajectory::StateLog;
+use demosift::world::environment::Task as _;
+use demosift::world::heuristic::Score;
 use serde::Serialize;
 
 use super::known::{self, Known};

@@ -1,7 +1,7 @@
 //! What a task is made of, in words and numbers, and what can be said of it without playing.
 
-use demosift::environment::Task as _;
-use demosift::heuristic::Heuristic as _;
+use demosift::world::environment::Task as _;
+use demosift::world::heuristic::Heuristic as _;
 use serde::Serialize;
 
 use super::Finding;

@@ -7,7 +7,7 @@
 //! Nothing of this judges: heuristic and success are in `task.toml`.
 
 use demosift::Result;
-use demosift::environment::Specification;
+use demosift::world::environment::Specification;
 
 use crate::reward::{RewardShaping, Transition};
 

@@ -3,9 +3,9 @@
 #![allow(dead_code, reason = "each test file compiles this for itself and uses what it needs")]
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-use demosift::environment::{EnvVariant, Environment, Task};
-use demosift::rows::Rows;
-use demosift::seed::Seed;
+use demosift::basics::seed::Seed;
+use demosift::math::rows::Rows;
+use demosift::world::environment::{EnvVariant, Environment, Task};
 use demosift_mujoco::environment::MujocoEnvironment;
 use demosift_mujoco::mujoco_task::MujocoTask;
 

@@ -3,8 +3,9 @@
 
 use std::path::Path;
 
-use demosift::artifact::onnx;
-use demosift::{Error, Result, files};
+use demosift::basics::files;
+use demosift::results::artifact::onnx;
+use demosift::{Error, Result};
 
 use super::folder;
 use crate::arguments::ExportArguments;

@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use demosift::artifact::{self, Artifact as _};
-use demosift::demonstrator::Stage;
-use demosift::{Error, Result, files, recording};
+use demosift::basics::files;
+use demosift::results::artifact::{self, Artifact as _};
+use demosift::results::recording;
+use demosift::stages::demonstrator::Stage;
+use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::run_folder;

@@ -1,0 +1,35 @@
+//! Where the nouns of the flow are kept by name.
+
+use std::collections::BTreeMap;
+
+use crate::basics::error::Result;
+
+/// Keeps nouns and checkpoints by name; the run folder is one.
+pub trait Ledger: Send {
+    /// What was kept under a name, if anything.
+    fn recall(&self, name: &str) -> Result<Option<Vec<u8>>>;
+    /// Keeps bytes under a name, whole or not at all.
+    fn keep(&mut self, name: &str, bytes: &[u8]) -> Result<()>;
+    /// Forgets what was kept under a name.
+    fn forget(&mut self, name: &str) -> Result<()>;
+}
+
+/// A ledger that lasts as long as the process.
+#[derive(Debug, Default)]
+pub struct InMemory(BTreeMap<String, Vec<u8>>);
+
+impl Ledger for InMemory {
+    fn recall(&self, name: &str) -> Result<Option<Vec<u8>>> {
+        Ok(self.0.get(name).cloned())
+    }
+
+    fn keep(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+        self.0.insert(name.to_owned(), bytes.to_vec());
+        Ok(())
+    }
+
+    fn forget(&mut self, name: &str) -> Result<()> {
+        self.0.remove(name);
+        Ok(())
+    }
+}

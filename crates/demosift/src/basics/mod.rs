@@ -1,0 +1,7 @@
+//! What every other band may use: errors, random numbers, progress, and how results are kept.
+
+pub mod error;
+pub mod files;
+pub mod ledger;
+pub mod observer;
+pub mod seed;

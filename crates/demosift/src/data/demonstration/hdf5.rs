@@ -1,0 +1,203 @@
+//! Reading tables of numbers from HDF5 files that may be damaged, or made to harm.
+
+use std::path::Path;
+
+use hdf5_pure::{DType, Dataset, File, Group, Layout};
+
+use crate::basics::error::{Error, Result};
+use crate::data::demonstration::source::side_by_side;
+use crate::math::rows::Rows;
+
+/// Deflate cannot shrink bytes further than this (its longest match costs at least two bits).
+pub(super) const MOST_COMPRESSION: u64 = 1032;
+
+/// Larger files, such as those with pictures in them, are read piece by piece.
+const MOST_IN_MEMORY: u64 = 1 << 28;
+
+/// An open file, and how many bytes it has.
+pub(super) struct Opened {
+    pub(super) file: File,
+    pub(super) file_len: u64,
+}
+
+/// Opens a file after the checks that need no parsing.
+///
+/// # Errors
+/// `is_bad_input` if this is no HDF5 file; `is_io` if it may not be read.
+pub(super) fn open(path: &Path) -> Result<Opened> {
+    let file_len = length_of(path)?;
+    // A streamed file is asked for as many bytes as a damaged header claims before its end is seen; a file in memory is not.
+    let file = if file_len <= MOST_IN_MEMORY { File::open(path) } else { File::open_streaming(path) };
+    Ok(Opened { file: file.map_err(damaged)?, file_len })
+}
+
+/// The file's length in bytes.
+fn length_of(path: &Path) -> Result<u64> {
+    let metadata = std::fs::metadata(path).map_err(|source| match source.kind() {
+        std::io::ErrorKind::NotFound => {
+            Error::bad_input("the demonstration file does not exist").with_hint("check the path")
+        }
+        _ => Error::io("cannot read the demonstrations", path, &source),
+    })?;
+    if !metadata.is_file() {
+        return Err(Error::bad_input("not a file; wanted an HDF5 file"));
+    }
+    if metadata.len() == 0 {
+        return Err(Error::bad_input("the file is empty; wanted an HDF5 file")
+            .with_hint("was it copied or downloaded completely?"));
+    }
+    match hdf5_pure::is_hdf5(path) {
+        Ok(true) => Ok(metadata.len()),
+        Ok(false) => Err(Error::bad_input("not an HDF5 file: its signature is missing")
+            .with_hint("was it copied or downloaded completely?")),
+        Err(source) => Err(Error::io("cannot read the demonstrations", path, &source)),
+    }
+}
+
+/// What the HDF5 reader found wrong.
+pub(super) fn damaged(source: hdf5_pure::Error) -> Error {
+    Error::bad_input(format!("the HDF5 file is damaged or truncated: {source}"))
+        .with_hint("was it copied or downloaded completely?")
+}
+
+/// A two-dimensional dataset of floats, called `shown` in errors.
+pub(super) fn read_table(dataset: &Dataset, shown: &str, file_len: u64) -> Result<Rows> {
+    let (_, width) = check_table(dataset, shown, file_len)?;
+    let values = dataset.read_f32().map_err(damaged)?;
+    Rows::from_flat(values, width).map_err(|error| error.during(shown))
+}
+
+/// The datasets at these paths below the group as one table, side by side.
+///
+/// # Errors
+/// `is_bad_input` if one is not there or no two-dimensional table of floats, or they differ in length.
+pub(super) fn read_columns(group: &Group, names: &[String], file_len: u64) -> Result<Rows> {
+    let parts = names.iter().map(|name| {
+        let dataset = find_below(group, name)?.map_or_else(|| Err(missing_below(group, name)?), Ok)?;
+        Ok((name.as_str(), read_table(&dataset, name, file_len)?))
+    });
+    side_by_side(&parts.collect::<Result<Vec<_>>>()?)
+}
+
+/// Steps and numbers a step of a two-dimensional dataset of floats that the file can hold.
+pub(super) fn check_table(dataset: &Dataset, name: &str, file_len: u64) -> Result<(usize, usize)> {
+    let shape = dataset.shape().map_err(damaged)?;
+    let &[steps, width @ 1..=u64::MAX] = shape.as_slice() else {
+        return Err(Error::bad_input(format!(
+            "'{name}' has shape {shape:?}; wanted two dimensions, [steps, numbers a step], of at least one number"
+        )));
+    };
+    let element = dataset.dtype().map_err(damaged)?;
+    if !matches!(element, DType::F32 | DType::F64) {
+        return Err(Error::bad_input(format!(
+            "'{name}' holds elements of type {element}; wanted f32 or f64"
+        )));
+    }
+    check_size(dataset, name, &shape, file_len)?;
+    // A table without rows stores nothing, so its width is a claim that nothing else bounds.
+    if steps == 0 && width > file_len {
+        return Err(claims_too_much(name, &shape, file_len));
+    }
+    match (usize::try_from(steps), usize::try_from(width)) {
+        (Ok(steps), Ok(width)) => Ok((steps, width)),
+        _ => Err(Error::bad_input(format!("'{name}' of shape {shape:?} is too large for this machine"))),
+    }
+}
+
+/// The elements as flags: everything but zero is true.
+pub(super) fn flags(dataset: &Dataset, name: &str) -> Result<Vec<bool>> {
+    match dataset.dtype().map_err(damaged)? {
+        DType::F32 | DType::F64 => {
+            Ok(dataset.read_f64().map_err(damaged)?.iter().map(|&value| value != 0.0).collect())
+        }
+        DType::Enum(_)
+        | DType::I8
+        | DType::I16
+        | DType::I32
+        | DType::I64
+        | DType::U8
+        | DType::U16
+        | DType::U32
+        | DType::U64 => {
+            let size = usize::try_from(dataset.element_size().map_err(damaged)?.max(1))
+                .map_err(|_| Error::bad_input(format!("'{name}' has elements that are too large")))?;
+            let bytes = dataset.read_raw().map_err(damaged)?;
+            Ok(bytes.chunks_exact(size).map(|element| element.iter().any(|&byte| byte != 0)).collect())
+        }
+        other => {
+            Err(Error::bad_input(format!("'{name}' holds elements of type {other}; wanted bool or a number")))
+        }
+    }
+}
+
+/// Refuses a dataset that claims more bytes than the file can hold, before memory is asked for.
+pub(super) fn check_size(dataset: &Dataset, name: &str, shape: &[u64], file_len: u64) -> Result<()> {
+    let element = dataset.element_size().map_err(damaged)?;
+    let bytes_of = |extents: &[u64]| extents.iter().try_fold(element, |bytes, &len| bytes.checked_mul(len));
+    let filtered = !dataset.filters().is_empty();
+    let most = if filtered { file_len.saturating_mul(MOST_COMPRESSION) } else { file_len };
+    let chunk = match dataset.layout().map_err(damaged)? {
+        Layout::Chunked { chunk_shape, .. } => bytes_of(&chunk_shape),
+        _ => Some(0),
+    };
+    // A chunk may hang over the edge of its dataset, but not by more than the file could hold either.
+    match (bytes_of(shape), chunk) {
+        (Some(bytes), Some(chunk)) if bytes <= most && (chunk <= most || filtered && chunk <= 1 << 26) => {
+            Ok(())
+        }
+        _ => Err(claims_too_much(name, shape, file_len)),
+    }
+}
+
+fn claims_too_much(name: &str, shape: &[u64], file_len: u64) -> Error {
+    Error::bad_input(format!(
+        "'{name}' claims shape {shape:?}, more than a file of {file_len} bytes can hold"
+    ))
+    .with_hint("the file is damaged or was not copied completely")
+}
+
+/// The dataset of this name, directly in the group, if it is there.
+pub(super) fn find(root: &Group, name: &str) -> Result<Option<Dataset>> {
+    if !root.datasets().map_err(damaged)?.iter().any(|known| known == name) {
+        return Ok(None);
+    }
+    root.dataset(name).map(Some).map_err(damaged)
+}
+
+/// The group of this name, directly in the group, if it is there.
+pub(super) fn find_group(root: &Group, name: &str) -> Result<Option<Group>> {
+    if !root.groups().map_err(damaged)?.iter().any(|known| known == name) {
+        return Ok(None);
+    }
+    root.group(name).map(Some).map_err(damaged)
+}
+
+/// The dataset at a path such as `obs/gripper` below the group, if it is there.
+pub(super) fn find_below(root: &Group, path: &str) -> Result<Option<Dataset>> {
+    match path.split_once('/') {
+        Some((group, rest)) => match find_group(root, group)? {
+            Some(group) => find_below(&group, rest),
+            None => Ok(None),
+        },
+        None => find(root, path),
+    }
+}
+
+/// There is no such dataset; says what there is.
+pub(super) fn missing(root: &Group, name: &str) -> Result<Error> {
+    let mut known = root.datasets().map_err(damaged)?;
+    known.extend(root.groups().map_err(damaged)?.into_iter().map(|group| group + "/"));
+    known.sort();
+    let known = if known.is_empty() { "nothing".to_owned() } else { known.join(", ") };
+    Ok(Error::bad_input(format!("there is no dataset '{name}'; there is: {known}")))
+}
+
+/// As [`missing`], for a path of groups: says what there is where the path ends.
+pub(super) fn missing_below(root: &Group, path: &str) -> Result<Error> {
+    if let Some((group, rest)) = path.split_once('/')
+        && let Some(inner) = find_group(root, group)?
+    {
+        return missing_below(&inner, rest).map(|error| error.during(group));
+    }
+    missing(root, path)
+}

@@ -1,0 +1,193 @@
+//! LeRobot data sets: a folder of parquet tables with `meta/info.json`.
+//!
+//! | column of `data/**/*.parquet` | a row | element | |
+//! |---|---|---|---|
+//! | `observation.state` | list | f32 or f64 | what is usual as the observation |
+//! | `action` | list | f32 or f64 | |
+//! | `episode_index` | number | i64 | which episode the row is of |
+//! | `frame_index` | number | i64 | its step |
+//! | `simulator.qpos`, `simulator.qvel` | list | f64 | written by demosift where known; for replays, see [`read_states`] |
+//!
+//! Versions 3.0 and 2.x differ in how rows are spread over files, which reading need not know.
+//! An episode has T rows and no final observation.
+//! Rewards and what the tables say of success are never read, nor are images.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use crate::basics::error::{Error, Result};
+use crate::data::demonstration::parquet_table::{self, Table};
+use crate::data::demonstration::source::{Columns, Episode, Format, Source};
+use crate::math::rows::Rows;
+
+mod states;
+mod writing;
+
+pub use states::read_states;
+pub use writing::write;
+
+/// The file that makes a folder a LeRobot data set.
+pub(super) const INFO: &str = "meta/info.json";
+/// Longer descriptions of a data set do not occur.
+const LONGEST_INFO: u64 = 1 << 24;
+
+/// What is needed of `meta/info.json`.
+#[derive(Deserialize)]
+struct Info {
+    codebase_version: String,
+    total_episodes: Option<usize>,
+    total_frames: Option<usize>,
+}
+
+/// Which version of the layout a folder is of.
+///
+/// # Errors
+/// `is_bad_input` if it is of another than 2.0, 2.1 or 3.0.
+pub(super) fn version(path: &Path) -> Result<Format> {
+    format_of(&read_info(path)?).map_err(|error| error.at(&path.join(INFO)))
+}
+
+fn format_of(info: &Info) -> Result<Format> {
+    match info.codebase_version.as_str() {
+        "v3.0" => Ok(Format::LeRobotV3),
+        "v2.0" | "v2.1" => Ok(Format::LeRobotV2),
+        other => Err(Error::bad_input(format!(
+            "this LeRobot data set is of version '{other}'; wanted v3.0, v2.1 or v2.0"
+        ))),
+    }
+}
+
+fn read_info(path: &Path) -> Result<Info> {
+    let file = path.join(INFO);
+    let failed = |source: std::io::Error| match source.kind() {
+        std::io::ErrorKind::NotFound => {
+            Error::bad_input(format!("there is no {INFO}, so this is no LeRobot data set")).at(path)
+        }
+        _ => Error::io("cannot read the description of the data set", &file, &source),
+    };
+    let len = fs::metadata(&file).map_err(failed)?.len();
+    if len > LONGEST_INFO {
+        return Err(
+            Error::bad_input(format!("{len} bytes are too long; wanted at most {LONGEST_INFO}")).at(&file)
+        );
+    }
+    serde_json::from_slice(&fs::read(&file).map_err(failed)?).map_err(|error| {
+        Error::bad_input(format!("this does not describe a LeRobot data set: {error}")).at(&file)
+    })
+}
+
+/// Reads the episodes; `columns` names columns of the tables.
+///
+/// # Errors
+/// `is_bad_input` if the folder is not of this layout, is damaged, or holds other rows than it says; `is_io` if it may not
+/// be read.
+pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
+    let info = read_info(path)?;
+    let format = format_of(&info).map_err(|error| error.at(&path.join(INFO)))?;
+    let columns = columns.or("observation.state", "action");
+    let mut episodes: Vec<Episode> = Vec::new();
+    let mut last = None;
+    for file in data_files(path)? {
+        let table = Table::open(&file)?;
+        append(&mut episodes, &mut last, &table, &columns).map_err(|error| error.at(&file))?;
+    }
+    let frames: usize = episodes.iter().map(|episode| episode.actions.len()).sum();
+    for (what, claimed, found) in
+        [("episodes", info.total_episodes, episodes.len()), ("frames", info.total_frames, frames)]
+    {
+        if claimed.is_some_and(|claimed| claimed != found) {
+            return Err(Error::bad_input(format!(
+                "{INFO} says {} {what}, and the tables hold {found}",
+                claimed.unwrap_or(0)
+            ))
+            .with_hint("was the whole folder copied?"));
+        }
+    }
+    Ok(Source { format, columns, episodes, dropped_steps: 0 })
+}
+
+/// Adds the rows of a file to the episode that they go on with, or to new ones.
+fn append(
+    episodes: &mut Vec<Episode>,
+    last: &mut Option<i64>,
+    table: &Table,
+    columns: &Columns,
+) -> Result<()> {
+    let observations = table.floats_side_by_side(&columns.observations)?;
+    let actions = table.floats_side_by_side(&columns.actions)?;
+    let indices = table.integers("episode_index")?;
+    let frames = if table.has("frame_index") { Some(table.integers("frame_index")?) } else { None };
+    for (name, len) in [
+        ("action", actions.len()),
+        ("episode_index", indices.len()),
+        ("frame_index", frames.as_ref().map_or(observations.len(), Vec::len)),
+    ] {
+        if len != observations.len() {
+            return Err(Error::bad_input(format!(
+                "there are {} observations but '{name}' has {len} rows; wanted as many",
+                observations.len()
+            )));
+        }
+    }
+    for (row, &index) in indices.iter().enumerate() {
+        match *last {
+            Some(before) if index == before => {}
+            Some(before) if index < before => {
+                return Err(Error::bad_input(format!(
+                    "row {row} is of episode {index} but follows one of episode {before}; wanted the rows in order"
+                )));
+            }
+            _ => episodes.push(empty(index, &observations, &actions)),
+        }
+        *last = Some(index);
+        let episode = episodes.last_mut().expect("one was begun");
+        let step = episode.actions.len();
+        if let Some(frames) = &frames
+            && usize::try_from(frames[row]) != Ok(step)
+        {
+            return Err(Error::bad_input(format!(
+                "step {step} of episode {index} has frame_index {}; wanted {step}",
+                frames[row]
+            )));
+        }
+        if episode.observations.width() != observations.width() || episode.actions.width() != actions.width()
+        {
+            return Err(Error::bad_input(format!(
+                "episode {index} goes on in a file with rows of another length"
+            )));
+        }
+        episode.observations.push(observations.row(row));
+        episode.actions.push(actions.row(row));
+    }
+    Ok(())
+}
+
+fn empty(index: i64, observations: &Rows, actions: &Rows) -> Episode {
+    Episode {
+        label: index.to_string(),
+        observations: Rows::with_capacity(observations.width(), 0),
+        actions: Rows::with_capacity(actions.width(), 0),
+        last_observation: None,
+    }
+}
+
+fn data_files(path: &Path) -> Result<Vec<PathBuf>> {
+    let data = path.join("data");
+    if !data.is_dir() {
+        return Err(Error::bad_input("the LeRobot data set has no folder 'data' with its tables"));
+    }
+    let files = parquet_table::files_below(&data)?;
+    if files.is_empty() {
+        return Err(Error::bad_input("the folder 'data' of the LeRobot data set holds no parquet file"));
+    }
+    Ok(files)
+}
+
+/// The description and all tables, in order.
+pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>> {
+    let mut files = vec![path.join(INFO)];
+    files.extend(data_files(path)?);
+    Ok(files)
+}

@@ -1,0 +1,294 @@
+//! Writing LeRobot v3.0: one table of steps, one of episodes, one of tasks, and their description.
+
+use std::path::Path;
+
+use serde_json::{Map, Value, json};
+
+use super::INFO;
+use super::states::{QPOS, QVEL};
+use crate::basics::error::{Error, Result};
+use crate::basics::files;
+use crate::data::demonstration::parquet_writing::{Column, Values, encode};
+use crate::data::demonstration::source::Episode;
+use crate::data::trajectory::StateLog;
+
+/// LeRobot's own limits, which it goes on with when it adds episodes.
+const DATA_MEGABYTES: u32 = 100;
+const VIDEO_MEGABYTES: u32 = 200;
+/// Shares of the values below the quantiles that LeRobot keeps.
+const QUANTILES: [(&str, f64); 5] = [("q01", 0.01), ("q10", 0.1), ("q50", 0.5), ("q90", 0.9), ("q99", 0.99)];
+
+/// A table of steps, column after column.
+struct Feature {
+    name: &'static str,
+    element: &'static str,
+    values: Vec<f64>,
+    width: usize,
+}
+
+/// Writes episodes as a LeRobot v3.0 data set into a new folder, which appears whole or not at all.
+///
+/// Episodes are numbered from 0 in their order; `states` become the columns `simulator.qpos` and `simulator.qvel`.
+/// `steps_per_sec` is a whole number in LeRobot, and `task` is the sentence that it keeps of every episode.
+/// A final observation has no row and is left out.
+///
+/// # Errors
+/// `is_bad_input` if the folder exists, there is no episode, or the states do not fit the episodes; `is_io` if a file cannot
+/// be written.
+pub fn write(
+    path: &Path,
+    episodes: &[Episode],
+    states: Option<&[StateLog]>,
+    steps_per_sec: u32,
+    task: &str,
+) -> Result<()> {
+    let lengths: Vec<usize> = episodes.iter().map(|episode| episode.actions.len()).collect();
+    if lengths.iter().sum::<usize>() == 0 {
+        return Err(Error::bad_input("no step of an episode to write; at least 1 is needed"));
+    }
+    let features = features(episodes, states)?;
+    let indices = Indices::of(&lengths, steps_per_sec);
+    let description = format!("{:#}\n", describe(&features, &lengths, steps_per_sec));
+    let statistics = format!("{:#}\n", statistics(&features, &indices));
+    let steps = steps_table(&features, indices)?;
+    let contents: [(&str, Vec<u8>); 5] = [
+        ("data/chunk-000/file-000.parquet", steps),
+        ("meta/episodes/chunk-000/file-000.parquet", episodes_table(&lengths, task)?),
+        ("meta/tasks.parquet", tasks_table(task)?),
+        ("meta/stats.json", statistics.into_bytes()),
+        (INFO, description.into_bytes()),
+    ];
+    files::write_folder(path, &contents)
+}
+
+/// The columns of the recording, checked against each other.
+fn features(episodes: &[Episode], states: Option<&[StateLog]>) -> Result<Vec<Feature>> {
+    let (observations, actions) = (episodes[0].observations.width(), episodes[0].actions.width());
+    for episode in episodes {
+        let found = (episode.observations.width(), episode.actions.width());
+        if found != (observations, actions) || episode.observations.len() != episode.actions.len() {
+            return Err(Error::bad_input(format!(
+                "episode {} has {} observations of {} numbers and {} actions of {}; wanted as many of each, of {observations} and {actions}",
+                episode.label,
+                episode.observations.len(),
+                found.0,
+                episode.actions.len(),
+                found.1
+            )));
+        }
+    }
+    let flat = |rows: fn(&Episode) -> &crate::math::rows::Rows| {
+        episodes.iter().flat_map(|episode| rows(episode).flat()).map(|&value| f64::from(value)).collect()
+    };
+    let mut features = vec![
+        Feature {
+            name: "observation.state",
+            element: "float32",
+            values: flat(|episode| &episode.observations),
+            width: observations,
+        },
+        Feature {
+            name: "action",
+            element: "float32",
+            values: flat(|episode| &episode.actions),
+            width: actions,
+        },
+    ];
+    let steps = features[1].values.len() / actions;
+    for (name, of) in [(QPOS, (|log| &log.qpos) as fn(&StateLog) -> &Vec<f64>), (QVEL, |log| &log.qvel)] {
+        let values: Vec<f64> = states.iter().copied().flatten().flat_map(of).copied().collect();
+        if states.is_none() || values.is_empty() {
+            continue;
+        }
+        if !values.len().is_multiple_of(steps) {
+            return Err(Error::bad_input(format!(
+                "{} numbers of {name} do not make rows for {steps} steps",
+                values.len()
+            )));
+        }
+        features.push(Feature { name, element: "float64", width: values.len() / steps, values });
+    }
+    Ok(features)
+}
+
+/// Where each step stands.
+struct Indices {
+    timestamp_secs: Vec<f32>,
+    frame: Vec<i64>,
+    episode: Vec<i64>,
+}
+
+impl Indices {
+    fn of(lengths: &[usize], steps_per_sec: u32) -> Self {
+        let frame: Vec<i64> = lengths.iter().flat_map(|&len| 0..len as i64).collect();
+        let numbered = (0_i64..).zip(lengths);
+        Self {
+            timestamp_secs: frame.iter().map(|&step| step as f32 / steps_per_sec as f32).collect(),
+            episode: numbered.flat_map(|(index, &len)| std::iter::repeat_n(index, len)).collect(),
+            frame,
+        }
+    }
+
+    /// The columns that every LeRobot data set has, as numbers.
+    fn columns(&self) -> [(&'static str, Vec<f64>); 5] {
+        let numbers = |values: &[i64]| values.iter().map(|&value| value as f64).collect();
+        let steps = self.frame.len();
+        [
+            ("timestamp", self.timestamp_secs.iter().map(|&secs| f64::from(secs)).collect()),
+            ("frame_index", numbers(&self.frame)),
+            ("episode_index", numbers(&self.episode)),
+            ("index", (0..steps).map(|step| step as f64).collect()),
+            ("task_index", vec![0.0; steps]),
+        ]
+    }
+}
+
+fn steps_table(features: &[Feature], indices: Indices) -> Result<Vec<u8>> {
+    let steps = indices.frame.len();
+    let mut columns: Vec<Column> = features
+        .iter()
+        .map(|feature| {
+            let values = match feature.element {
+                "float32" => Values::FloatLists(
+                    feature.values.iter().map(|&value| value as f32).collect(),
+                    feature.width,
+                ),
+                _ => Values::DoubleLists(feature.values.clone(), feature.width),
+            };
+            (feature.name, values)
+        })
+        .collect();
+    columns.extend([
+        ("timestamp", Values::Floats(indices.timestamp_secs)),
+        ("frame_index", Values::Integers(indices.frame)),
+        ("episode_index", Values::Integers(indices.episode)),
+        ("index", Values::Integers((0..steps as i64).collect())),
+        ("task_index", Values::Integers(vec![0; steps])),
+    ]);
+    encode(&columns, Vec::new())
+}
+
+fn episodes_table(lengths: &[usize], task: &str) -> Result<Vec<u8>> {
+    let count = lengths.len();
+    let ends: Vec<i64> = lengths
+        .iter()
+        .scan(0, |end, &len| {
+            *end += len as i64;
+            Some(*end)
+        })
+        .collect();
+    let lengths: Vec<i64> = lengths.iter().map(|&len| len as i64).collect();
+    let starts = ends.iter().zip(&lengths).map(|(end, len)| end - len).collect();
+    let zeros = || Values::Integers(vec![0; count]);
+    let columns = [
+        ("episode_index", Values::Integers((0..count as i64).collect())),
+        ("tasks", Values::WordLists(vec![task.to_owned(); count])),
+        ("length", Values::Integers(lengths)),
+        ("data/chunk_index", zeros()),
+        ("data/file_index", zeros()),
+        ("dataset_from_index", Values::Integers(starts)),
+        ("dataset_to_index", Values::Integers(ends)),
+        ("meta/episodes/chunk_index", zeros()),
+        ("meta/episodes/file_index", zeros()),
+    ];
+    encode(&columns, Vec::new())
+}
+
+/// LeRobot reads this table with pandas, and looks the task up by the name of its row.
+fn tasks_table(task: &str) -> Result<Vec<u8>> {
+    const NAME: &str = "__index_level_0__";
+    let columns = [("task_index", Values::Integers(vec![0])), (NAME, Values::Words(vec![task.to_owned()]))];
+    let described = |name: Value, field: &str, kind: &str, element: &str| json!({ "name": name, "field_name": field, "pandas_type": kind, "numpy_type": element, "metadata": null });
+    let pandas = json!({
+        "index_columns": [NAME],
+        "column_indexes": [
+            { "name": null, "field_name": null, "pandas_type": "unicode", "numpy_type": "object", "metadata": { "encoding": "UTF-8" } }
+        ],
+        "columns": [
+            described(json!("task_index"), "task_index", "int64", "int64"),
+            described(Value::Null, NAME, "unicode", "object"),
+        ],
+        "creator": { "library": "demosift", "version": env!("CARGO_PKG_VERSION") },
+        "pandas_version": "2.0.0",
+    });
+    encode(&columns, vec![("pandas", pandas.to_string())])
+}
+
+fn describe(features: &[Feature], lengths: &[usize], steps_per_sec: u32) -> Value {
+    let mut described = Map::new();
+    for feature in features {
+        let names: Vec<String> =
+            (0..feature.width).map(|column| format!("{}_{column}", feature.name)).collect();
+        described.insert(
+            feature.name.to_owned(),
+            json!({ "dtype": feature.element, "shape": [feature.width], "names": names }),
+        );
+    }
+    for (name, element) in [
+        ("timestamp", "float32"),
+        ("frame_index", "int64"),
+        ("episode_index", "int64"),
+        ("index", "int64"),
+        ("task_index", "int64"),
+    ] {
+        described.insert(name.to_owned(), json!({ "dtype": element, "shape": [1], "names": null }));
+    }
+    json!({
+        "codebase_version": "v3.0",
+        "robot_type": null,
+        "total_episodes": lengths.len(),
+        "total_frames": lengths.iter().sum::<usize>(),
+        "total_tasks": 1,
+        "chunks_size": 1000,
+        "data_files_size_in_mb": DATA_MEGABYTES,
+        "video_files_size_in_mb": VIDEO_MEGABYTES,
+        "fps": steps_per_sec,
+        "splits": { "train": format!("0:{}", lengths.len()) },
+        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+        "video_path": null,
+        "features": described,
+    })
+}
+
+/// Spread of every column over all steps, by which LeRobot normalizes.
+fn statistics(features: &[Feature], indices: &Indices) -> Value {
+    let mut all = Map::new();
+    for feature in features {
+        all.insert(feature.name.to_owned(), spread(&feature.values, feature.width));
+    }
+    for (name, values) in indices.columns() {
+        all.insert(name.to_owned(), spread(&values, 1));
+    }
+    Value::Object(all)
+}
+
+/// Least, greatest, mean, population standard deviation and quantiles of each column.
+fn spread(values: &[f64], width: usize) -> Value {
+    let count = values.len() / width;
+    let columns: Vec<Vec<f64>> = (0..width)
+        .map(|column| {
+            let mut column: Vec<f64> = values.iter().skip(column).step_by(width).copied().collect();
+            column.sort_by(f64::total_cmp);
+            column
+        })
+        .collect();
+    let each = |number: &dyn Fn(&[f64]) -> f64| -> Vec<f64> {
+        columns.iter().map(|column| number(column)).collect()
+    };
+    let mean = |column: &[f64]| column.iter().sum::<f64>() / count as f64;
+    let deviation = |column: &[f64]| {
+        let center = mean(column);
+        (column.iter().map(|value| (value - center).powi(2)).sum::<f64>() / count as f64).sqrt()
+    };
+    let mut spread = json!({
+        "min": each(&|column| column[0]),
+        "max": each(&|column| column[count - 1]),
+        "mean": each(&mean),
+        "std": each(&deviation),
+        "count": [count],
+    });
+    for (name, share) in QUANTILES {
+        spread[name] = json!(each(&|column| column[((count - 1) as f64 * share).round() as usize]));
+    }
+    spread
+}

@@ -1,0 +1,223 @@
+//! Minari data sets, in HDF5 or parquet.
+//!
+//! HDF5 is one file, `data/main_data.hdf5`, with a group `episode_<i>` each:
+//!
+//! | dataset | shape | element | |
+//! |---|---|---|---|
+//! | `observations` | `[T+1, obs]` | f32 or f64 | a group of such where the observation space is a dictionary or tuple |
+//! | `actions` | `[T, act]` | f32 or f64 | the same |
+//!
+//! Parquet is a folder `data/<i>` each, whose tables have T+1 rows; what the last row says of an action is padding.
+//! Unless columns are named, the parts of a dictionary stand in alphabetical order, as Gymnasium flattens it.
+//! The final observation is no pair with an action, so no demonstration holds it.
+//! Rewards, terminations and infos are never read.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use hdf5_pure::Group;
+use serde::Deserialize;
+
+use crate::basics::error::{Error, Result};
+use crate::data::demonstration::hdf5::{self, damaged, find, find_group};
+use crate::data::demonstration::parquet_table::{self, Table};
+use crate::data::demonstration::source::{Columns, Episode, Format, Source, trailing_number};
+use crate::math::rows::Rows;
+
+mod subset;
+mod writing;
+
+pub use subset::write_subset;
+pub use writing::write;
+
+/// What a data set says of itself.
+const METADATA: &str = "metadata.json";
+
+/// What is needed of [`METADATA`].
+#[derive(Deserialize)]
+struct Counts {
+    total_episodes: Option<usize>,
+    total_steps: Option<usize>,
+}
+
+/// Nesting of spaces that is followed; nobody nests deeper.
+const DEEPEST: usize = 8;
+
+/// Reads `main_data.hdf5`; `columns` names datasets below an episode's group.
+///
+/// # Errors
+/// `is_bad_input` if the file is not of this layout or damaged; `is_io` if it may not be read.
+pub(super) fn read_hdf5(path: &Path, columns: &Columns) -> Result<Source> {
+    let opened = hdf5::open(path)?;
+    let root = opened.file.root();
+    let mut names = root.groups().map_err(damaged)?;
+    names.retain(|name| name.starts_with("episode_") && trailing_number(name).is_some());
+    names.sort_by_key(|name| trailing_number(name));
+    let Some(first) = names.first() else {
+        return Err(Error::bad_input("the file holds no episode; wanted groups episode_0, episode_1, …"));
+    };
+    let first = root.group(first).map_err(damaged)?;
+    let columns = Columns {
+        observations: usual(&first, &columns.observations, "observations")?,
+        actions: usual(&first, &columns.actions, "actions")?,
+    };
+    let episodes = names.iter().map(|name| {
+        let group = root.group(name).map_err(damaged)?;
+        let observations = hdf5::read_columns(&group, &columns.observations, opened.file_len);
+        let actions = hdf5::read_columns(&group, &columns.actions, opened.file_len);
+        let label = trailing_number(name).map_or_else(|| name.clone(), |number| number.to_string());
+        observations
+            .and_then(|observations| Episode::with_last(label, &observations, actions?))
+            .map_err(|error| error.during(name))
+    });
+    let episodes = episodes.collect::<Result<Vec<_>>>()?;
+    check_counts(&path.with_file_name(METADATA), &episodes)?;
+    Ok(Source { format: Format::MinariHdf5, columns, episodes, dropped_steps: 0 })
+}
+
+/// The columns that were named, or all below `name`.
+fn usual(episode: &Group, named: &[String], name: &str) -> Result<Vec<String>> {
+    if !named.is_empty() {
+        return Ok(named.to_vec());
+    }
+    let mut names = Vec::new();
+    match find_group(episode, name)? {
+        Some(group) => leaves(&group, name, DEEPEST, &mut names)?,
+        None => names.push(name.to_owned()),
+    }
+    Ok(names)
+}
+
+/// Paths of all datasets below a group, in alphabetical order and tuples in theirs.
+fn leaves(group: &Group, path: &str, deepest: usize, found: &mut Vec<String>) -> Result<()> {
+    let mut names = group.datasets().map_err(damaged)?;
+    names.extend(group.groups().map_err(damaged)?);
+    names.sort_by_key(|name| (name.strip_prefix("_index_").and_then(trailing_number), name.clone()));
+    for name in names {
+        let path = format!("{path}/{name}");
+        if find(group, &name)?.is_some() {
+            found.push(path);
+        } else if deepest == 0 {
+            return Err(Error::bad_input(format!(
+                "'{path}' is nested too deeply; wanted at most {DEEPEST} groups"
+            )));
+        } else {
+            leaves(&group.group(&name).map_err(damaged)?, &path, deepest - 1, found)?;
+        }
+    }
+    Ok(())
+}
+
+/// Reads the folders of a data folder; `columns` names columns, with `/` into a dictionary.
+///
+/// # Errors
+/// `is_bad_input` if it is not of this layout or damaged; `is_io` if it may not be read.
+pub(super) fn read_parquet(path: &Path, columns: &Columns) -> Result<Source> {
+    let folders = episode_folders(path)?;
+    let mut resolved = columns.or("observations", "actions");
+    let mut episodes = Vec::with_capacity(folders.len());
+    for (index, (number, folder)) in folders.iter().enumerate() {
+        let mut observations = Vec::new();
+        let mut actions = Vec::new();
+        for file in parquet_table::files_below(folder)? {
+            let table = Table::open(&file)?;
+            let read = |names: &[String]| table.floats_side_by_side(names).map_err(|error| error.at(&file));
+            if index == 0 {
+                resolved.observations = table.leaves(&resolved.observations);
+                resolved.actions = table.leaves(&resolved.actions);
+            }
+            observations.push(read(&resolved.observations)?);
+            actions.push(read(&resolved.actions)?);
+        }
+        let both =
+            stacked(observations, "observations").and_then(|all| Ok((all, stacked(actions, "actions")?)));
+        let (Some(observations), Some(padded)) = both.map_err(|error| error.at(folder))? else {
+            return Err(Error::bad_input("there is no parquet file in this folder of an episode").at(folder));
+        };
+        let actions = padded.head(padded.len().saturating_sub(1));
+        episodes.push(
+            Episode::with_last(number.to_string(), &observations, actions)
+                .map_err(|error| error.at(folder))?,
+        );
+    }
+    check_counts(&path.join(METADATA), &episodes)?;
+    Ok(Source { format: Format::MinariParquet, columns: resolved, episodes, dropped_steps: 0 })
+}
+
+/// Refuses a data set that holds more or less than the file beside it says, if there is one.
+fn check_counts(metadata: &Path, episodes: &[Episode]) -> Result<()> {
+    let bytes = match fs::read(metadata) {
+        Ok(bytes) => bytes,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Err(error) => {
+            return Err(Error::io("cannot read the description of the data set", metadata, &error));
+        }
+    };
+    let counts: Counts = serde_json::from_slice(&bytes).map_err(|error| {
+        Error::bad_input(format!("this does not describe a Minari data set: {error}")).at(metadata)
+    })?;
+    let steps = episodes.iter().map(|episode| episode.actions.len()).sum();
+    for (what, claimed, found) in
+        [("episodes", counts.total_episodes, episodes.len()), ("steps", counts.total_steps, steps)]
+    {
+        if let Some(claimed) = claimed
+            && claimed != found
+        {
+            return Err(Error::bad_input(format!(
+                "{METADATA} says {claimed} {what}, and the data set holds {found}"
+            ))
+            .with_hint("was the whole folder copied?"));
+        }
+    }
+    Ok(())
+}
+
+/// Tables one below the other; those of one episode that was written in parts.
+///
+/// # Errors
+/// `is_bad_input` if they differ in width.
+fn stacked(tables: Vec<Rows>, what: &str) -> Result<Option<Rows>> {
+    let mut tables = tables.into_iter();
+    let Some(mut all) = tables.next() else { return Ok(None) };
+    for next in tables {
+        if next.width() != all.width() {
+            return Err(Error::bad_input(format!(
+                "the {what} of an episode have {} numbers a step in one of its files and {} in another; wanted as many in each",
+                all.width(),
+                next.width()
+            )));
+        }
+        all.append(&next);
+    }
+    Ok(Some(all))
+}
+
+/// All parquet files, episode by episode.
+pub(super) fn parquet_files(path: &Path) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for (_, folder) in episode_folders(path)? {
+        files.extend(parquet_table::files_below(&folder)?);
+    }
+    Ok(files)
+}
+
+/// The folders `0`, `1`, … by their numbers, at least one.
+fn episode_folders(path: &Path) -> Result<Vec<(u64, PathBuf)>> {
+    let failed = |source: std::io::Error| Error::io("cannot look into the data set", path, &source);
+    let mut folders = Vec::new();
+    for entry in fs::read_dir(path).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        if let Some(number) = entry.file_name().to_str().and_then(|name| name.parse().ok())
+            && entry.path().is_dir()
+        {
+            folders.push((number, entry.path()));
+        }
+    }
+    folders.sort();
+    if folders.is_empty() {
+        return Err(Error::bad_input(
+            "the data set holds no episode; wanted folders 0, 1, … of parquet files",
+        ));
+    }
+    Ok(folders)
+}

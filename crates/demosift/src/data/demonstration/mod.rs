@@ -1,0 +1,154 @@
+//! Demonstrations and sets of them: state-action pairs, nothing else.
+//!
+//! A demonstration carries no reward, stage or origin, so nothing that judges can learn where it came from.
+
+pub mod baselines_npz;
+pub mod d4rl;
+mod detect;
+mod hdf5;
+pub mod imitation_npz;
+pub mod inspection;
+pub mod lerobot;
+pub mod minari;
+mod npz;
+mod parquet_pages;
+mod parquet_table;
+mod parquet_writing;
+pub mod robomimic;
+pub mod source;
+mod states;
+
+pub use states::read_states;
+
+use crate::basics::error::{Error, Result};
+use crate::math::rows::Rows;
+
+/// Which demonstration of a set: its position in the file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+pub struct DemoId(pub usize);
+
+impl std::fmt::Display for DemoId {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.0.fmt(out)
+    }
+}
+
+/// v_i: the state-action pairs of one episode that somebody showed (§3).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Demonstration {
+    observations: Rows,
+    actions: Rows,
+}
+
+impl Demonstration {
+    /// Observations `[T, obs]` and the actions `[T, act]` taken on them; all finite, at least one pair.
+    pub fn new(observations: Rows, actions: Rows) -> Result<Self> {
+        if actions.is_empty() {
+            return Err(Error::bad_input("a demonstration needs at least one state-action pair, got none"));
+        }
+        if observations.len() != actions.len() {
+            return Err(Error::bad_input(format!(
+                "a demonstration needs as many observations as actions, got {} and {}",
+                observations.len(),
+                actions.len()
+            )));
+        }
+        for (what, rows) in [("observation", &observations), ("action", &actions)] {
+            if let Some((step, column)) = rows.first_not_finite() {
+                return Err(Error::bad_input(format!(
+                    "{what} {column} at step {step} is {}, and must be a finite number",
+                    rows.row(step)[column]
+                )));
+            }
+        }
+        Ok(Self { observations, actions })
+    }
+
+    /// Number of pairs, T.
+    pub fn steps(&self) -> usize {
+        self.actions.len()
+    }
+
+    /// Observations, `[T, obs]`.
+    pub fn observations(&self) -> &Rows {
+        &self.observations
+    }
+
+    /// Actions, `[T, act]`, as they were recorded; some recorders do not clip them to [−1, 1].
+    pub fn actions(&self) -> &Rows {
+        &self.actions
+    }
+}
+
+/// Refuses demonstrations that differ in the size of an observation or of an action.
+fn check_sizes(demonstrations: &[Demonstration]) -> Result<()> {
+    let sizes = |of: &Demonstration| (of.observations.width(), of.actions.width());
+    let Some(wanted) = demonstrations.first().map(sizes) else { return Ok(()) };
+    for (index, found) in demonstrations.iter().map(sizes).enumerate() {
+        if found != wanted {
+            return Err(Error::bad_input(format!(
+                "demonstration {index} has {} observations and {} actions a step, but demonstration 0 has {} and {}",
+                found.0, found.1, wanted.0, wanted.1
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// V: at least two demonstrations of one observation size and one action size (§3).
+#[derive(Clone, Debug, PartialEq)]
+pub struct DemonstrationSet {
+    demonstrations: Vec<Demonstration>,
+}
+
+impl DemonstrationSet {
+    /// Checks that the demonstrations fit each other.
+    pub fn new(demonstrations: Vec<Demonstration>) -> Result<Self> {
+        if demonstrations.is_empty() {
+            return Err(Error::bad_input(
+                "the set holds no demonstration; at least 2 are needed to choose from",
+            ));
+        }
+        check_sizes(&demonstrations)?;
+        if demonstrations.len() == 1 {
+            return Err(Error::bad_input(
+                "the set holds 1 demonstration; at least 2 are needed to choose from",
+            ));
+        }
+        Ok(Self { demonstrations })
+    }
+
+    /// Number of demonstrations, n.
+    #[allow(clippy::len_without_is_empty, reason = "a set is never empty")]
+    pub fn len(&self) -> usize {
+        self.demonstrations.len()
+    }
+
+    /// Numbers in an observation.
+    pub fn observation_size(&self) -> usize {
+        self.demonstrations[0].observations.width()
+    }
+
+    /// Numbers in an action.
+    pub fn action_size(&self) -> usize {
+        self.demonstrations[0].actions.width()
+    }
+
+    /// One demonstration.
+    ///
+    /// # Panics
+    /// If the id is not of this set: a bug of the caller.
+    pub fn get(&self, id: DemoId) -> &Demonstration {
+        &self.demonstrations[id.0]
+    }
+
+    /// The demonstrations with their ids, in file order.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = (DemoId, &Demonstration)> {
+        self.demonstrations.iter().enumerate().map(|(index, demonstration)| (DemoId(index), demonstration))
+    }
+
+    /// All ids, in file order.
+    pub fn ids(&self) -> Vec<DemoId> {
+        (0..self.len()).map(DemoId).collect()
+    }
+}

@@ -1,0 +1,192 @@
+//! Arrays of numbers in npz files: a zip archive of npy files.
+//!
+//! An array of Python objects is a pickle, which could run anything, so it is never read.
+
+use std::fs::File;
+use std::io::{BufReader, Read as _};
+use std::path::Path;
+
+use zip::ZipArchive;
+use zip::result::ZipError;
+
+use crate::basics::error::{Error, Result};
+use crate::data::demonstration::hdf5::MOST_COMPRESSION;
+
+/// A header of numpy holds three entries; nothing reasonable is longer.
+const LONGEST_HEADER: usize = 1 << 16;
+
+/// An array with its shape, row-major.
+pub(super) struct Array<T> {
+    pub(super) values: Vec<T>,
+    pub(super) shape: Vec<usize>,
+}
+
+/// An open file.
+pub(super) struct Npz {
+    archive: ZipArchive<BufReader<File>>,
+    file_len: u64,
+}
+
+/// Names of the arrays, in file order.
+pub(super) fn names(path: &Path) -> Result<Vec<String>> {
+    Ok(open(path)?.names())
+}
+
+/// Opens the archive.
+///
+/// # Errors
+/// `is_bad_input` if it is none; `is_io` if it may not be read.
+pub(super) fn open(path: &Path) -> Result<Npz> {
+    let failed = |source: std::io::Error| Error::io("cannot read the demonstrations", path, &source);
+    let file = File::open(path).map_err(failed)?;
+    let file_len = file.metadata().map_err(failed)?.len();
+    let archive = ZipArchive::new(BufReader::new(file)).map_err(damaged)?;
+    Ok(Npz { archive, file_len })
+}
+
+impl Npz {
+    /// Names of the arrays, in file order.
+    pub(super) fn names(&self) -> Vec<String> {
+        let entries = self.archive.file_names().filter_map(std::result::Result::ok);
+        entries.map(|name| name.strip_suffix(".npy").unwrap_or(&name).to_owned()).collect()
+    }
+
+    /// An array of floating-point numbers.
+    pub(super) fn floats(&mut self, name: &str) -> Result<Array<f32>> {
+        let (header, bytes) = self.read(name)?;
+        let values = match header.element.as_str() {
+            "<f4" => each(&bytes, f32::from_le_bytes),
+            "<f8" => each(&bytes, |raw| f64::from_le_bytes(raw) as f32),
+            other => {
+                return Err(Error::bad_input(format!(
+                    "'{name}' holds elements of type {other}; wanted <f4 or <f8"
+                )));
+            }
+        };
+        Ok(Array { values, shape: header.shape })
+    }
+
+    /// An array of integers.
+    pub(super) fn integers(&mut self, name: &str) -> Result<Array<i64>> {
+        let (header, bytes) = self.read(name)?;
+        let values = match header.element.as_str() {
+            "<i8" => each(&bytes, i64::from_le_bytes),
+            "<i4" => each(&bytes, |raw| i64::from(i32::from_le_bytes(raw))),
+            // What numpy makes of an empty list.
+            "<f8" if bytes.is_empty() => Vec::new(),
+            other => {
+                return Err(Error::bad_input(format!(
+                    "'{name}' holds elements of type {other}; wanted <i4 or <i8"
+                )));
+            }
+        };
+        Ok(Array { values, shape: header.shape })
+    }
+
+    /// Header and elements of an array, after checking that both fit each other and the file.
+    fn read(&mut self, name: &str) -> Result<(Header, Vec<u8>)> {
+        let known = self.names();
+        if !known.iter().any(|known| known == name) {
+            return Err(Error::bad_input(format!(
+                "there is no array '{name}'; the file holds: {}",
+                known.join(", ")
+            )));
+        }
+        let mut entry = self.archive.by_name(&format!("{name}.npy")).map_err(damaged)?;
+        let most = self.file_len.saturating_mul(MOST_COMPRESSION);
+        if entry.size() > most {
+            return Err(claims_too_much(name, &format!("{} bytes", entry.size()), self.file_len));
+        }
+        let mut bytes = Vec::new();
+        // The size is a claim too; reading stops where it would be exceeded.
+        entry.by_ref().take(most).read_to_end(&mut bytes).map_err(|source| damaged(ZipError::Io(source)))?;
+        let header = Header::parse(name, &bytes)?;
+        let elements = bytes.split_off(header.len);
+        let size = header.shape.iter().try_fold(header.element_size(), |size, &len| size.checked_mul(len));
+        match size {
+            Some(size) if size == elements.len() => Ok((header, elements)),
+            _ => Err(Error::bad_input(format!(
+                "'{name}' claims shape {:?} of {}, but holds {} bytes",
+                header.shape,
+                header.element,
+                elements.len()
+            ))
+            .with_hint("the file is damaged or was not copied completely")),
+        }
+    }
+}
+
+/// What stands before the elements of an array.
+struct Header {
+    /// Numpy's code of the element type, such as `<f4`.
+    element: String,
+    shape: Vec<usize>,
+    /// Bytes before the elements.
+    len: usize,
+}
+
+impl Header {
+    fn parse(name: &str, bytes: &[u8]) -> Result<Self> {
+        let wrong = |what: &str| Error::bad_input(format!("'{name}' is no npy array: {what}"));
+        let version = match bytes {
+            [0x93, b'N', b'U', b'M', b'P', b'Y', version, _, ..] => *version,
+            _ => return Err(wrong("its signature is missing")),
+        };
+        let (start, text_len) = match (version, bytes) {
+            (1, [_, _, _, _, _, _, _, _, a, b, ..]) => (10, usize::from(u16::from_le_bytes([*a, *b]))),
+            (2 | 3, [_, _, _, _, _, _, _, _, a, b, c, d, ..]) => {
+                (12, u32::from_le_bytes([*a, *b, *c, *d]) as usize)
+            }
+            _ => return Err(wrong("its header is of an unknown version or cut off")),
+        };
+        if text_len > LONGEST_HEADER {
+            return Err(wrong(&format!(
+                "its header claims {text_len} bytes; wanted at most {LONGEST_HEADER}"
+            )));
+        }
+        let len = start + text_len;
+        let text = bytes.get(start..len).and_then(|text| std::str::from_utf8(text).ok());
+        let text = text.ok_or_else(|| wrong("its header is cut off"))?;
+        let after = |key: &str| text.split_once(key).map(|(_, rest)| rest.trim_start());
+        let element = after("'descr':")
+            .and_then(|rest| rest.strip_prefix('\'')?.split_once('\''))
+            .ok_or_else(|| wrong("its header names no simple element type"))?;
+        if after("'fortran_order':").is_some_and(|rest| rest.starts_with("True")) {
+            return Err(wrong(
+                "its columns are stored one after the other; wanted rows (numpy.ascontiguousarray)",
+            ));
+        }
+        let shape = after("'shape':")
+            .and_then(|rest| rest.strip_prefix('(')?.split_once(')'))
+            .ok_or_else(|| wrong("its header has no shape"))?;
+        let shape = shape.0.split(',').map(str::trim).filter(|extent| !extent.is_empty()).map(str::parse);
+        let shape =
+            shape.collect::<std::result::Result<_, _>>().map_err(|_| wrong("its shape is no shape"))?;
+        if element.0.contains('O') {
+            return Err(Error::bad_input(format!(
+                "'{name}' is an array of Python objects, which is never read; wanted numbers of one shape"
+            )));
+        }
+        Ok(Self { element: element.0.to_owned(), shape, len })
+    }
+
+    /// Bytes of an element, as numpy's code says.
+    fn element_size(&self) -> usize {
+        self.element.get(2..).and_then(|digits| digits.parse().ok()).unwrap_or(0)
+    }
+}
+
+fn each<T, const SIZE: usize>(bytes: &[u8], value: impl Fn([u8; SIZE]) -> T) -> Vec<T> {
+    let (elements, _) = bytes.as_chunks::<SIZE>();
+    elements.iter().map(|raw| value(*raw)).collect()
+}
+
+fn claims_too_much(name: &str, claim: &str, file_len: u64) -> Error {
+    Error::bad_input(format!("'{name}' claims {claim}, more than a file of {file_len} bytes can hold"))
+        .with_hint("the file is damaged or was not copied completely")
+}
+
+fn damaged(source: ZipError) -> Error {
+    Error::bad_input(format!("the npz file is damaged or truncated: {source}"))
+        .with_hint("was it copied or downloaded completely?")
+}

@@ -1,0 +1,319 @@
+//! Columns of numbers from parquet files that may be damaged, or made to harm.
+//!
+//! Read column by column without Arrow: a scalar column is one number a row, a list column as many a row as the first row has.
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+use parquet::basic::{Compression, Type as Physical};
+use parquet::column::reader::{ColumnReaderImpl, get_typed_column_reader};
+use parquet::data_type::{BoolType, DataType, DoubleType, FloatType, Int32Type, Int64Type};
+use parquet::errors::ParquetError;
+use parquet::file::metadata::ColumnChunkMetaData;
+use parquet::file::reader::{ChunkReader as _, FileReader as _, SerializedFileReader};
+use parquet::schema::types::ColumnDescriptor;
+
+use crate::basics::error::{Error, Result};
+use crate::data::demonstration::parquet_pages;
+use crate::data::demonstration::source::{side_by_side, trailing_number};
+use crate::math::rows::Rows;
+
+/// A run of equal numbers takes a few bytes however long it is, so even a small file may hold this many.
+const FEW_NUMBERS: u64 = 1 << 22;
+/// More numbers a byte are a claim that no data set makes.
+const MOST_NUMBERS_A_BYTE: u64 = 64;
+/// Rows that are decoded at a time.
+const BATCH: usize = 4096;
+
+/// An open file.
+pub(super) struct Table {
+    file: File,
+    reader: SerializedFileReader<File>,
+    most_numbers: u64,
+}
+
+/// The numbers of a column, row after row.
+struct Column<T> {
+    values: Vec<T>,
+    width: usize,
+}
+
+/// All parquet files below a folder, by the numbers at the end of their names, then by their names.
+///
+/// # Errors
+/// `is_io` if a folder cannot be listed.
+pub(super) fn files_below(folder: &Path) -> Result<Vec<PathBuf>> {
+    let failed = |source: std::io::Error| Error::io("cannot look into the data set", folder, &source);
+    let mut entries = fs::read_dir(folder)
+        .and_then(|entries| {
+            entries.map(|entry| entry.map(|entry| entry.path())).collect::<std::io::Result<Vec<_>>>()
+        })
+        .map_err(failed)?;
+    // Parts of one table may be numbered without leading zeros: part-10 comes after part-2.
+    entries.sort_by_cached_key(|path| {
+        (path.file_stem().and_then(|stem| trailing_number(&stem.to_string_lossy())), path.clone())
+    });
+    let mut files = Vec::new();
+    for path in entries {
+        // A link could lead in a circle.
+        if path.is_dir() && !path.is_symlink() {
+            files.extend(files_below(&path)?);
+        } else if path.extension().is_some_and(|extension| extension == "parquet") {
+            files.push(path);
+        }
+    }
+    Ok(files)
+}
+
+impl Table {
+    /// Opens a file and reads what it says of itself.
+    ///
+    /// # Errors
+    /// `is_bad_input` if this is no parquet file or it claims more than it can hold; `is_io` if it may not be read.
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let failed = |source: std::io::Error| Error::io("cannot read the demonstrations", path, &source);
+        let file = File::open(path).map_err(failed)?;
+        let file_len = file.metadata().map_err(failed)?.len();
+        let most_numbers = file_len.saturating_mul(MOST_NUMBERS_A_BYTE).max(FEW_NUMBERS);
+        let same = file.try_clone().map_err(failed)?;
+        let reader = SerializedFileReader::new(same).map_err(|source| damaged(source).at(path))?;
+        for group in reader.metadata().row_groups() {
+            for column in group.columns() {
+                let (start, len) = (
+                    column.dictionary_page_offset().unwrap_or(column.data_page_offset()),
+                    column.compressed_size(),
+                );
+                let inside = start >= 4
+                    && len >= 0
+                    && start.checked_add(len).is_some_and(|end| end as u64 <= file_len);
+                if !inside || u64::try_from(column.num_values()).is_ok_and(|values| values > most_numbers) {
+                    return Err(Error::bad_input(format!(
+                        "the parquet file is damaged: column '{}' claims {} numbers in {len} bytes at {start} of a file of {file_len}",
+                        column.column_path().string(),
+                        column.num_values()
+                    ))
+                    .with_hint("was it copied or downloaded completely?")
+                    .at(path));
+                }
+            }
+        }
+        Ok(Self { file, reader, most_numbers })
+    }
+
+    /// Whether there is such a column.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.find(name).len() == 1
+    }
+
+    /// Each name with the columns below it, in alphabetical order where it is a dictionary, in place of itself.
+    pub(super) fn leaves(&self, names: &[String]) -> Vec<String> {
+        let mut all = Vec::new();
+        for name in names {
+            let mut below: Vec<String> = self.find(name).iter().map(|column| shown(column)).collect();
+            below.sort_by_cached_key(|path| path.split('/').map(in_order).collect::<Vec<_>>());
+            if below.is_empty() { all.push(name.clone()) } else { all.append(&mut below) }
+        }
+        all
+    }
+
+    /// Several columns of floating-point numbers as one table.
+    ///
+    /// # Errors
+    /// `is_bad_input` if there is no such column, it holds something else, or the columns differ in length.
+    pub(super) fn floats_side_by_side(&self, names: &[String]) -> Result<Rows> {
+        let tables = names.iter().map(|name| Ok((name.as_str(), self.floats(name)?)));
+        side_by_side(&tables.collect::<Result<Vec<_>>>()?)
+    }
+
+    fn floats(&self, name: &str) -> Result<Rows> {
+        let Column { values, width } = match self.physical(name)? {
+            Physical::FLOAT => self.column::<FloatType, f32>(name, |value| value)?,
+            Physical::DOUBLE => self.column::<DoubleType, f32>(name, |value| value as f32)?,
+            other => return Err(wrong_type(name, other, "FLOAT or DOUBLE")),
+        };
+        Rows::from_flat(values, width).map_err(|error| error.during(name))
+    }
+
+    /// A column in full precision, with the numbers a row.
+    ///
+    /// # Errors
+    /// As [`floats_side_by_side`](Self::floats_side_by_side).
+    pub(super) fn doubles(&self, name: &str) -> Result<(Vec<f64>, usize)> {
+        let Column { values, width } = match self.physical(name)? {
+            Physical::FLOAT => self.column::<FloatType, f64>(name, f64::from)?,
+            Physical::DOUBLE => self.column::<DoubleType, f64>(name, |value| value)?,
+            other => return Err(wrong_type(name, other, "FLOAT or DOUBLE")),
+        };
+        Ok((values, width))
+    }
+
+    /// A column of one integer a row.
+    ///
+    /// # Errors
+    /// As [`floats_side_by_side`](Self::floats_side_by_side).
+    pub(super) fn integers(&self, name: &str) -> Result<Vec<i64>> {
+        let Column { values, width } = match self.physical(name)? {
+            Physical::INT32 => self.column::<Int32Type, i64>(name, i64::from)?,
+            Physical::INT64 => self.column::<Int64Type, i64>(name, |value| value)?,
+            Physical::BOOLEAN => self.column::<BoolType, i64>(name, i64::from)?,
+            other => return Err(wrong_type(name, other, "INT32 or INT64")),
+        };
+        if width != 1 {
+            return Err(Error::bad_input(format!("'{name}' holds {width} numbers a row; wanted 1")));
+        }
+        Ok(values)
+    }
+
+    fn physical(&self, name: &str) -> Result<Physical> {
+        Ok(self.reader.metadata().file_metadata().schema_descr().column(self.index(name)?).physical_type())
+    }
+
+    /// Position of a column among those that hold numbers.
+    fn index(&self, name: &str) -> Result<usize> {
+        let columns = self.reader.metadata().file_metadata().schema_descr().columns();
+        let found: Vec<usize> = (0..columns.len()).filter(|&index| is_below(&columns[index], name)).collect();
+        match found[..] {
+            [index] => Ok(index),
+            [] => {
+                let mut known: Vec<String> = columns.iter().map(|column| shown(column)).collect();
+                known.dedup();
+                Err(Error::bad_input(format!("there is no column '{name}'; there are: {}", known.join(", "))))
+            }
+            _ => Err(Error::bad_input(format!(
+                "'{name}' has several parts ({}); name those that are wanted",
+                self.leaves(&[name.to_owned()]).join(", ")
+            ))),
+        }
+    }
+
+    fn find(&self, name: &str) -> Vec<&ColumnDescriptor> {
+        let columns = self.reader.metadata().file_metadata().schema_descr().columns();
+        columns.iter().map(AsRef::as_ref).filter(|column| is_below(column, name)).collect()
+    }
+
+    /// The numbers of a column in all row groups.
+    fn column<T: DataType, N>(&self, name: &str, number: impl Fn(T::T) -> N) -> Result<Column<N>> {
+        let index = self.index(name)?;
+        let mut column = Column { values: Vec::new(), width: 0 };
+        for group in 0..self.reader.num_row_groups() {
+            let group = self.reader.get_row_group(group).map_err(damaged)?;
+            self.check_pages(group.metadata().column(index), name)?;
+            let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
+            let descriptor = group.metadata().column(index).column_descr_ptr();
+            let reader = get_typed_column_reader::<T>(group.get_column_reader(index).map_err(damaged)?);
+            read_rows(
+                reader,
+                &descriptor,
+                rows,
+                name,
+                |value| column.values.push(number(value)),
+                &mut column.width,
+            )?;
+        }
+        Ok(column)
+    }
+
+    /// Refuses pages that claim more than they can hold, before the decoder believes them.
+    fn check_pages(&self, column: &ColumnChunkMetaData, name: &str) -> Result<()> {
+        let compression = column.compression();
+        if matches!(compression, Compression::ZSTD(_) | Compression::BROTLI(_) | Compression::LZO) {
+            return Err(Error::bad_input(format!(
+                "column '{name}' is compressed by {compression}; wanted SNAPPY, GZIP, LZ4 or no compression"
+            ))
+            .with_hint("pyarrow.parquet.write_table(..., compression=\"snappy\") writes the table anew"));
+        }
+        let (start, len) = column.byte_range();
+        let chunk = self.file.get_bytes(start, usize::try_from(len).unwrap_or(0)).map_err(damaged)?;
+        let claimed = u64::try_from(column.num_values()).unwrap_or(0);
+        match parquet_pages::claims(&chunk) {
+            Some(claims) if claims.values <= claimed && claims.most_values <= self.most_numbers => Ok(()),
+            _ => Err(Error::bad_input(format!(
+                "the parquet file is damaged: the pages of column '{name}' claim more than they can hold"
+            ))
+            .with_hint("was it copied or downloaded completely?")),
+        }
+    }
+}
+
+/// Hands on the numbers of `rows` rows, and checks that each row has as many as the others.
+fn read_rows<T: DataType>(
+    mut reader: ColumnReaderImpl<T>,
+    column: &ColumnDescriptor,
+    rows: usize,
+    name: &str,
+    mut push: impl FnMut(T::T),
+    width: &mut usize,
+) -> Result<()> {
+    let (full, nested) = (column.max_def_level(), column.max_rep_level() > 0);
+    if column.max_rep_level() > 1 {
+        return Err(Error::bad_input(format!(
+            "'{name}' holds lists of lists; wanted one list of numbers a row"
+        )));
+    }
+    let mut read = 0;
+    let (mut values, mut definitions, mut repetitions) = (Vec::new(), Vec::new(), Vec::new());
+    while read < rows {
+        values.clear();
+        definitions.clear();
+        repetitions.clear();
+        let (records, _, levels) = reader
+            .read_records(BATCH.min(rows - read), Some(&mut definitions), Some(&mut repetitions), &mut values)
+            .map_err(damaged)?;
+        if records == 0 {
+            return Err(Error::bad_input(format!("'{name}' ends after {read} rows; its file claims {rows}"))
+                .with_hint("the file is damaged or was not copied completely"));
+        }
+        if full > 0 && definitions.iter().any(|&level| level != full) || full == 0 && values.len() != levels {
+            return Err(Error::bad_input(format!(
+                "'{name}' holds nothing in a row; wanted numbers in every row"
+            )));
+        }
+        let starts = repetitions.iter().filter(|&&level| level == 0).count();
+        if nested && starts != records || !values.len().is_multiple_of(records) {
+            return Err(differing(name));
+        }
+        let found = values.len() / records;
+        if *width == 0 {
+            *width = found;
+        }
+        let even = !nested
+            || repetitions.iter().enumerate().all(|(at, &level)| (level == 0) == at.is_multiple_of(found));
+        if found != *width || !even {
+            return Err(differing(name));
+        }
+        values.drain(..).for_each(&mut push);
+        read += records;
+    }
+    Ok(())
+}
+
+/// Parts of a tuple go by their numbers, and those of a dictionary by their names.
+fn in_order(part: &str) -> (Option<u64>, String) {
+    (part.strip_prefix("_index_").and_then(trailing_number), part.to_owned())
+}
+
+fn differing(name: &str) -> Error {
+    Error::bad_input(format!("the rows of '{name}' differ in length; wanted as many numbers in each"))
+}
+
+/// The column's path without what parquet puts between a list and its elements.
+fn shown(column: &ColumnDescriptor) -> String {
+    let parts = column.path().parts();
+    let nested = usize::from(column.max_rep_level() > 0) * 2;
+    parts[..parts.len().saturating_sub(nested).max(1)].join("/")
+}
+
+/// Whether the column is the named one, or a part of it.
+fn is_below(column: &ColumnDescriptor, name: &str) -> bool {
+    let shown = shown(column);
+    shown.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+}
+
+fn wrong_type(name: &str, found: Physical, wanted: &str) -> Error {
+    Error::bad_input(format!("'{name}' holds elements of type {found}; wanted {wanted}"))
+}
+
+fn damaged(source: ParquetError) -> Error {
+    Error::bad_input(format!("the parquet file is damaged or truncated: {source}"))
+        .with_hint("was it copied or downloaded completely?")
+}

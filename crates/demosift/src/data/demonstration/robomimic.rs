@@ -1,0 +1,172 @@
+//! The HDF5 layout of robomimic: a group an episode.
+//!
+//! | item | shape | element | |
+//! |---|---|---|---|
+//! | `data/demo_<i>/actions` | `[T, act]` | f32 or f64 | |
+//! | `data/demo_<i>/obs/<k>` | `[T, ·]` | f32 or f64 | an observation is split over these |
+//! | `data/demo_<i>/next_obs/<k>` | `[T, ·]` | f32 or f64 | optional; its last row is the final observation |
+//! | `mask/<name>` | `[n]` | strings | filter keys: named subsets |
+//!
+//! Unless columns are named, an observation is every `obs/<k>` with two dimensions of floats, in alphabetical order; images
+//! have more dimensions and stay out.
+//! Rewards, dones and simulator states are never read.
+
+use std::path::Path;
+
+use hdf5_pure::{DType, File, Group};
+
+use crate::basics::error::{Error, Result};
+use crate::data::demonstration::hdf5::{self, damaged, find_below, find_group};
+use crate::data::demonstration::source::{Columns, Episode, Format, Source, trailing_number};
+
+const OBSERVATIONS: &str = "obs/";
+const NEXT_OBSERVATIONS: &str = "next_obs/";
+
+/// Reads the episodes in the order of their numbers, as robomimic does; `columns` names datasets below an episode's group.
+///
+/// # Errors
+/// `is_bad_input` if the file is not of this layout or damaged; `is_io` if it may not be read.
+pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
+    let opened = hdf5::open(path)?;
+    let root = opened.file.root();
+    let data = find_group(&root, "data")?.map_or_else(|| Err(hdf5::missing(&root, "data/")?), Ok)?;
+    let labels = episode_names(&data)?;
+    let first = data.group(&labels[0]).map_err(damaged)?;
+    let columns = Columns {
+        observations: if columns.observations.is_empty() {
+            usual_observations(&first).map_err(|error| error.during(&labels[0]))?
+        } else {
+            columns.observations.clone()
+        },
+        ..columns.or("", "actions")
+    };
+    let episodes = labels.iter().map(|label| {
+        let group = data.group(label).map_err(damaged)?;
+        read_episode(&group, label, &columns, opened.file_len).map_err(|error| error.during(label))
+    });
+    let episodes = episodes.collect::<Result<_>>()?;
+    Ok(Source { format: Format::Robomimic, columns, episodes, dropped_steps: 0 })
+}
+
+/// Names of the episodes by their numbers, at least one.
+fn episode_names(data: &Group) -> Result<Vec<String>> {
+    let mut names: Vec<String> = data.groups().map_err(damaged)?;
+    names.retain(|name| name.starts_with("demo_") && trailing_number(name).is_some());
+    names.sort_by_key(|name| trailing_number(name));
+    if names.is_empty() {
+        return Err(Error::bad_input("'data' holds no episode; wanted groups demo_0, demo_1, …"));
+    }
+    Ok(names)
+}
+
+fn usual_observations(episode: &Group) -> Result<Vec<String>> {
+    let mut names = Vec::new();
+    if let Some(group) = find_group(episode, "obs")? {
+        for name in group.datasets().map_err(damaged)? {
+            let dataset = group.dataset(&name).map_err(damaged)?;
+            let flat = dataset.shape().map_err(damaged)?.len() == 2;
+            if flat && matches!(dataset.dtype().map_err(damaged)?, DType::F32 | DType::F64) {
+                names.push(format!("{OBSERVATIONS}{name}"));
+            }
+        }
+    }
+    names.sort();
+    if names.is_empty() {
+        return Err(Error::bad_input("there is no observation 'obs/<name>' [T, numbers] of f32 or f64").with_hint(
+            "robomimic's dataset_states_to_obs.py adds observations to a file of states; or name columns, such as states",
+        ));
+    }
+    Ok(names)
+}
+
+fn read_episode(group: &Group, label: &str, columns: &Columns, file_len: u64) -> Result<Episode> {
+    let observations = hdf5::read_columns(group, &columns.observations, file_len)?;
+    let actions = hdf5::read_columns(group, &columns.actions, file_len)?;
+    if observations.len() != actions.len() {
+        return Err(Error::bad_input(format!(
+            "there are {} observations and {} actions; wanted one observation an action",
+            observations.len(),
+            actions.len()
+        )));
+    }
+    Ok(Episode {
+        label: label.to_owned(),
+        last_observation: last_observation(group, &columns.observations, observations.len(), file_len)?,
+        observations,
+        actions,
+    })
+}
+
+/// The last row of `next_obs`, if all columns have one there.
+///
+/// # Errors
+/// `is_bad_input` if one is of another shape than its observations.
+fn last_observation(
+    group: &Group,
+    names: &[String],
+    steps: usize,
+    file_len: u64,
+) -> Result<Option<Vec<f32>>> {
+    let mut row = Vec::new();
+    for name in names {
+        let Some(key) = name.strip_prefix(OBSERVATIONS) else { return Ok(None) };
+        let next = format!("{NEXT_OBSERVATIONS}{key}");
+        let Some(dataset) = find_below(group, &next)? else { return Ok(None) };
+        let table = hdf5::read_table(&dataset, &next, file_len)?;
+        let width = match find_below(group, name)? {
+            Some(observed) => hdf5::check_table(&observed, name, file_len)?.1,
+            None => return Ok(None),
+        };
+        if (table.len(), table.width()) != (steps, width) {
+            return Err(Error::bad_input(format!(
+                "'{next}' has shape [{}, {}], and '{name}' [{steps}, {width}]; wanted the same of both",
+                table.len(),
+                table.width()
+            )));
+        }
+        if table.is_empty() {
+            return Ok(None);
+        }
+        row.extend_from_slice(table.row(table.len() - 1));
+    }
+    Ok(Some(row))
+}
+
+/// Adds a filter key to the file: a named subset, which robomimic trains on if asked for it by name.
+///
+/// This is the only thing here that changes a file of the user's, and it changes nothing else in it.
+///
+/// # Errors
+/// `is_bad_input` if the file has a key of this name already, or cannot be edited.
+pub fn add_filter_key(path: &Path, name: &str, labels: &[String]) -> Result<()> {
+    add_key(path, name, labels).map_err(|error| error.at(path))
+}
+
+fn add_key(path: &Path, name: &str, labels: &[String]) -> Result<()> {
+    if name.is_empty() || name.contains('/') {
+        return Err(Error::bad_input(format!(
+            "'{name}' is no name of a filter key; wanted a word without '/'"
+        )));
+    }
+    let file = File::open_rw(path).map_err(damaged)?;
+    let root = file.root();
+    match find_group(&root, "mask")? {
+        Some(mask) if mask.datasets().map_err(damaged)?.iter().any(|known| known == name) => {
+            return Err(Error::bad_input(format!(
+                "there is a filter key '{name}' already; wanted another name"
+            )));
+        }
+        Some(_) => {}
+        None => {
+            root.create_group_with("mask", |_| {}).map_err(damaged)?;
+        }
+    }
+    let labels: Vec<&str> = labels.iter().map(String::as_str).collect();
+    let mut encoded = Ok(());
+    root.create_dataset(&format!("mask/{name}"), |dataset| {
+        encoded = dataset.with_ascii_strings(&labels).map(|_| ());
+    })
+    .map_err(damaged)?;
+    encoded.map_err(|source| Error::bad_input(format!("the names cannot be stored: {source}")))?;
+    file.commit().map_err(damaged)
+}

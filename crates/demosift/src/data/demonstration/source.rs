@@ -1,0 +1,338 @@
+//! Demonstrations as the file of some tool holds them: told apart by looking, and not yet checked for what cannot be learned from.
+//!
+//! Each format is a module with a function that reads episodes; [`open`] finds the right one.
+//! Nobody reads rewards, returns or scores.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use crate::basics::error::{Error, Result};
+use crate::basics::files;
+use crate::data::demonstration::{
+    Demonstration, DemonstrationSet, baselines_npz, check_sizes, d4rl, detect, imitation_npz, lerobot,
+    minari, robomimic,
+};
+use crate::math::rows::Rows;
+
+/// The file of a folder that `demosift record` made.
+pub const RECORDED: &str = "demonstrations.hdf5";
+/// The file of a Minari data set in HDF5.
+pub const MINARI_HDF5: &str = "main_data.hdf5";
+
+/// A tool's way to store demonstrations; `docs/formats.md` tells each apart from the others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
+pub enum Format {
+    /// Flat tables in HDF5; see [`d4rl`].
+    D4rl,
+    /// A folder of parquet files, `codebase_version` v3.0; see [`lerobot`].
+    LeRobotV3,
+    /// A folder with a parquet file an episode, `codebase_version` v2.0 or v2.1; see [`lerobot`].
+    LeRobotV2,
+    /// A folder with `main_data.hdf5`, or that file; see [`minari`].
+    MinariHdf5,
+    /// A folder with a folder of parquet an episode; see [`minari`].
+    MinariParquet,
+    /// A group an episode below `data` in HDF5; see [`robomimic`].
+    Robomimic,
+    /// `obs`, `acs` in a npz file; see [`baselines_npz`].
+    BaselinesNpz,
+    /// `obs`, `acts`, `indices` in a npz file; see [`imitation_npz`].
+    ImitationNpz,
+}
+
+impl Format {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::D4rl,
+        Self::LeRobotV3,
+        Self::LeRobotV2,
+        Self::MinariHdf5,
+        Self::MinariParquet,
+        Self::Robomimic,
+        Self::BaselinesNpz,
+        Self::ImitationNpz,
+    ];
+
+    /// The name by which a user asks for it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::D4rl => "d4rl",
+            Self::LeRobotV3 => "lerobot-v3",
+            Self::LeRobotV2 => "lerobot-v2",
+            Self::MinariHdf5 => "minari-hdf5",
+            Self::MinariParquet => "minari-parquet",
+            Self::Robomimic => "robomimic",
+            Self::BaselinesNpz => "baselines-npz",
+            Self::ImitationNpz => "imitation-npz",
+        }
+    }
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.pad(self.name())
+    }
+}
+
+impl FromStr for Format {
+    type Err = Error;
+
+    fn from_str(typed: &str) -> Result<Self> {
+        Self::ALL.into_iter().find(|format| format.name() == typed).ok_or_else(|| {
+            let known: Vec<&str> = Self::ALL.into_iter().map(Self::name).collect();
+            Error::bad_input(format!("there is no format '{typed}'; there are: {}", known.join(", ")))
+        })
+    }
+}
+
+impl TryFrom<String> for Format {
+    type Error = Error;
+
+    fn try_from(name: String) -> Result<Self> {
+        name.parse()
+    }
+}
+
+impl From<Format> for String {
+    fn from(format: Format) -> Self {
+        format.name().to_owned()
+    }
+}
+
+/// Which columns make up an observation and an action, each list in its order; an empty list means what is usual in the format.
+///
+/// A column is named as the file names it, with `/` between a group and what is in it: `observation.state`, `obs/gripper`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Columns {
+    /// Parts of an observation.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub observations: Vec<String>,
+    /// Parts of an action.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub actions: Vec<String>,
+}
+
+impl Columns {
+    /// Whether all is as it is usual in the format.
+    pub fn are_usual(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// The columns with this format's usual ones in place of none.
+    pub(super) fn or(&self, observation: &str, action: &str) -> Self {
+        let filled = |named: &[String], usual: &str| {
+            if named.is_empty() { vec![usual.to_owned()] } else { named.to_vec() }
+        };
+        Self { observations: filled(&self.observations, observation), actions: filled(&self.actions, action) }
+    }
+}
+
+/// An episode as it was stored.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Episode {
+    /// What the file calls it: its number, or the name of its group.
+    pub label: String,
+    /// The observations on which the actions were taken, `[T, obs]`.
+    pub observations: Rows,
+    /// `[T, act]`.
+    pub actions: Rows,
+    /// The observation `[obs]` after the last action, where the format keeps it; no demonstration holds it.
+    pub last_observation: Option<Vec<f32>>,
+}
+
+impl Episode {
+    /// The episode whose table of observations `[T+1, obs]` goes one row beyond its actions `[T, act]`.
+    ///
+    /// # Errors
+    /// `is_bad_input` if it does not.
+    pub(super) fn with_last(label: String, observations: &Rows, actions: Rows) -> Result<Self> {
+        let (found, steps) = (observations.len(), actions.len());
+        if found != steps + 1 {
+            return Err(Error::bad_input(format!(
+                "episode {label} has {found} observations and {steps} actions; wanted one observation more than actions"
+            )));
+        }
+        let last_observation = Some(observations.row(steps).to_vec());
+        Ok(Self { label, observations: observations.head(steps), actions, last_observation })
+    }
+}
+
+/// What a file holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Source {
+    /// How it is stored.
+    pub format: Format,
+    /// The columns that were read, all of them named.
+    pub columns: Columns,
+    /// In file order, which is the order of [`DemoId`](crate::data::demonstration::DemoId)s.
+    pub episodes: Vec<Episode>,
+    /// Steps after the last complete episode, which were left out.
+    pub dropped_steps: usize,
+}
+
+impl Source {
+    /// The demonstrations, checked.
+    ///
+    /// # Errors
+    /// `is_bad_input` if there are fewer than two, they do not fit each other, or one holds a number that is not finite.
+    pub fn set(&self) -> Result<DemonstrationSet> {
+        DemonstrationSet::new(self.demonstrations()?)
+    }
+
+    /// Whether these are demonstrations that fit each other, of which one is enough: what other tools want of a file.
+    ///
+    /// # Errors
+    /// `is_bad_input` if they do not fit each other, or one holds a number that is not finite.
+    pub fn check(&self) -> Result<()> {
+        check_sizes(&self.demonstrations()?)
+    }
+
+    /// Each episode as a demonstration, however many there are.
+    ///
+    /// # Errors
+    /// `is_bad_input` if one is empty or holds a number that is not finite.
+    pub fn demonstrations(&self) -> Result<Vec<Demonstration>> {
+        let demonstrations = self.episodes.iter().map(|episode| {
+            Demonstration::new(episode.observations.clone(), episode.actions.clone())
+                .map_err(|error| error.during(&format!("episode {}", episode.label)))
+        });
+        demonstrations.collect()
+    }
+}
+
+/// Reads a file or folder of any format that is known; `format` skips the look.
+///
+/// # Errors
+/// `is_bad_input` if it is of no known format, is not what its format wants, or is damaged; `is_io` if it may not be read.
+///
+/// ```
+/// use std::path::Path;
+///
+/// use demosift::data::demonstration::inspection::inspect;
+/// use demosift::data::demonstration::source::{Columns, Format, open};
+///
+/// // A file of robomimic, which keeps an observation in several columns.
+/// let file = Path::new("tests/formats/robomimic.hdf5");
+/// let source = open(file, None, &Columns::default())?;
+/// assert_eq!(source.format, Format::Robomimic);
+/// assert_eq!(source.columns.observations, ["obs/joint", "obs/wrist"]);
+///
+/// // What is in it, before anything is learned from it.
+/// let seen = inspect(&source);
+/// let steps: Vec<usize> = seen.episodes.iter().map(|episode| episode.steps).collect();
+/// assert_eq!(steps, [4, 3, 5]);
+/// assert!(seen.actions.iter().all(|action| action.outside == 0));
+///
+/// // The demonstrations, checked: they fit each other, and every number is finite.
+/// let set = source.set()?;
+/// assert_eq!((set.len(), set.observation_size(), set.action_size()), (3, 3, 2));
+///
+/// // Other columns, and an error that says what would have been right.
+/// let wrong = Columns { observations: vec!["obs/elbow".to_owned()], ..Columns::default() };
+/// let error = open(file, None, &wrong).unwrap_err();
+/// assert!(error.is_bad_input() && error.to_string().contains("camera_image, joint, wrist"), "{error}");
+/// # Ok::<(), demosift::Error>(())
+/// ```
+pub fn open(path: &Path, format: Option<Format>, columns: &Columns) -> Result<Source> {
+    read(path, format, columns).map_err(|error| error.at(path))
+}
+
+fn read(path: &Path, format: Option<Format>, columns: &Columns) -> Result<Source> {
+    let format = format.map_or_else(|| detect::format(path), Ok)?;
+    let path = &detect::entry(path, format)?;
+    match format {
+        Format::D4rl => d4rl::read_source(path, columns),
+        Format::LeRobotV3 | Format::LeRobotV2 => lerobot::read_source(path, columns),
+        Format::MinariHdf5 => minari::read_hdf5(path, columns),
+        Format::MinariParquet => minari::read_parquet(path, columns),
+        Format::Robomimic => robomimic::read_source(path, columns),
+        Format::BaselinesNpz => baselines_npz::read_source(path, columns),
+        Format::ImitationNpz => imitation_npz::read_source(path, columns),
+    }
+}
+
+/// The file or folder that holds the demonstrations, where `path` may be a folder around it.
+///
+/// # Errors
+/// As [`open`].
+pub fn located(path: &Path, format: Option<Format>) -> Result<PathBuf> {
+    let format = format.map_or_else(|| detect::format(path), Ok);
+    format.and_then(|format| detect::entry(path, format)).map_err(|error| error.at(path))
+}
+
+/// The demonstrations of a file or folder, checked.
+///
+/// # Errors
+/// As [`open`] and [`Source::set`].
+pub fn read_set(path: &Path, format: Option<Format>, columns: &Columns) -> Result<DemonstrationSet> {
+    open(path, format, columns)?.set().map_err(|error| error.at(path))
+}
+
+/// The files that hold the demonstrations, in a fixed order: what a hash of the data is made of.
+///
+/// # Errors
+/// As [`open`] where the format is not given, and `is_io` if a folder cannot be listed.
+pub fn files(path: &Path, format: Option<Format>) -> Result<Vec<PathBuf>> {
+    let format = format.map_or_else(|| detect::format(path), Ok)?;
+    let entry = detect::entry(path, format)?;
+    match format {
+        Format::LeRobotV3 | Format::LeRobotV2 => lerobot::files(&entry),
+        Format::MinariParquet => minari::parquet_files(&entry),
+        _ => Ok(vec![entry]),
+    }
+}
+
+/// SHA-256 of the demonstrations, as hexadecimal digits: of the files that hold them, or of what was read where the file also
+/// holds what is not of them, such as the filter keys of robomimic.
+///
+/// # Errors
+/// `is_io` if a file cannot be read.
+pub fn sha256(source: &Source, path: &Path) -> Result<String> {
+    if source.format != Format::Robomimic {
+        return files::sha256(&self::files(path, Some(source.format))?);
+    }
+    let mut bytes = Vec::new();
+    for episode in &source.episodes {
+        bytes.extend(format!("{} {}\n", episode.label, episode.actions.len()).into_bytes());
+        for rows in [&episode.observations, &episode.actions] {
+            bytes.extend(rows.flat().iter().flat_map(|value| value.to_le_bytes()));
+        }
+    }
+    Ok(files::sha256_of(&bytes))
+}
+
+/// Tables side by side: one row of each makes a row.
+///
+/// # Errors
+/// `is_bad_input` if one has another number of rows; names it.
+pub(super) fn side_by_side(tables: &[(&str, Rows)]) -> Result<Rows> {
+    let (first_name, first) = tables.first().ok_or_else(|| Error::bad_input("no column to read"))?;
+    for (name, table) in tables {
+        if table.len() != first.len() {
+            return Err(Error::bad_input(format!(
+                "'{first_name}' has {} rows but '{name}' has {}; both must have one row a step",
+                first.len(),
+                table.len()
+            )));
+        }
+    }
+    if let [(_, only)] = tables {
+        return Ok(only.clone());
+    }
+    let width = tables.iter().map(|(_, table)| table.width()).sum();
+    let mut joined = Vec::with_capacity(width * first.len());
+    for step in 0..first.len() {
+        tables.iter().for_each(|(_, table)| joined.extend_from_slice(table.row(step)));
+    }
+    Rows::from_flat(joined, width)
+}
+
+/// The number at the end of a name, by which episodes are sorted: `demo_10` comes after `demo_9`.
+pub(super) fn trailing_number(name: &str) -> Option<u64> {
+    let digits = name.len() - name.bytes().rev().take_while(u8::is_ascii_digit).count();
+    name[digits..].parse().ok()
+}

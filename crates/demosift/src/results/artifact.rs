@@ -1,0 +1,579 @@
+//! How each noun is written down and read back, with a version each.
+//!
+//! Nouns for people are JSON; policies and discriminators are safetensors with the shapes and the filter inside;
+//! beside a policy stands the same one as ONNX, for whoever plays it without demosift;
+//! checkpoints and a demonstrator's stages, which are for the next process of the same version only, are compact binary.
+
+pub mod onnx;
+
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+use crate::basics::error::{Error, Result};
+use crate::basics::ledger::Ledger;
+use crate::basics::observer::Snapshot;
+use crate::data::demonstration::DemoId;
+use crate::data::observation_filter::ObservationFilter;
+use crate::learning::adapt::Learner;
+use crate::learning::gail::Discriminator;
+use crate::math::nn::mlp::Mlp;
+use crate::results::data_only::DataOnly;
+use crate::results::panel::Panel;
+use crate::results::uncertainty::Uncertainty;
+use crate::stages::demonstrator::Stage;
+use crate::stages::imitate::{CurvePoint, LearningCurve};
+use crate::stages::judge::{AdaptedPolicy, Judged, ScoreTable, Suitability};
+use crate::stages::method::Spent;
+use crate::stages::referee::Verdict;
+use crate::stages::select::{Ranking, Subset};
+use crate::stages::subset_selection::Weighing;
+use crate::world::environment::EnvVariant;
+use crate::world::policy::Policy;
+
+/// Changes when a file of this version could no longer be read; 2 since a learning curve has an end and what it played.
+///
+/// It is the version of JSON and of checkpoints, and so of a run folder.
+pub const FORMAT_VERSION: u32 = 2;
+
+/// The same for tensors, whose layout has not changed, so that policies of earlier runs can still be played.
+const TENSORS_VERSION: u32 = 1;
+
+/// Under which key a safetensors file holds that version.
+const VERSION_KEY: &str = "demosift_format";
+
+/// A noun of the flow that a ledger can keep; `part` tells several of a kind apart.
+pub trait Artifact: Sized {
+    /// Keeps the noun.
+    fn keep(&self, ledger: &mut dyn Ledger, part: &str) -> Result<()>;
+    /// The noun, if it was kept; the error says what is wrong with its file.
+    fn recall(ledger: &dyn Ledger, part: &str) -> Result<Option<Self>>;
+}
+
+/// Reads a noun of JSON; `what` names it in errors.
+fn recall_json<T: DeserializeOwned>(ledger: &dyn Ledger, name: &str) -> Result<Option<T>> {
+    let Some(bytes) = ledger.recall(name)? else { return Ok(None) };
+    let versioned: Versioned<T> = serde_json::from_slice(&bytes)
+        .map_err(|error| Error::bad_input(format!("{name} cannot be read: {error}")))?;
+    check_version(versioned.version, FORMAT_VERSION, name)?;
+    Ok(Some(versioned.content))
+}
+
+fn keep_json<T: Serialize>(ledger: &mut dyn Ledger, name: &str, content: &T) -> Result<()> {
+    let versioned = Versioned { version: FORMAT_VERSION, content };
+    let mut bytes = serde_json::to_vec_pretty(&versioned).expect("plain data always serializes");
+    bytes.push(b'\n');
+    ledger.keep(name, &bytes)
+}
+
+#[derive(Serialize, Deserialize)]
+struct Versioned<T> {
+    version: u32,
+    #[serde(flatten)]
+    content: T,
+}
+
+fn check_version(found: u32, read: u32, name: &str) -> Result<()> {
+    if found == read {
+        return Ok(());
+    }
+    Err(Error::bad_input(format!("{name} has format version {found}; this demosift reads version {read}")))
+}
+
+macro_rules! json_artifact {
+    ($($noun:ty => $name:literal),*) => {$(
+        impl Artifact for $noun {
+            fn keep(&self, ledger: &mut dyn Ledger, _: &str) -> Result<()> {
+                keep_json(ledger, $name, self)
+            }
+
+            fn recall(ledger: &dyn Ledger, _: &str) -> Result<Option<Self>> {
+                recall_json(ledger, $name)
+            }
+        }
+    )*};
+}
+
+json_artifact!(
+    Ranking => "ranking.json",
+    Uncertainty => "uncertainty.json",
+    Subset => "subset.json",
+    DataOnly => "data_only.json",
+    Weighing => "weights.json",
+    Panel => "panel.json",
+    Verdict => "verdict.json"
+);
+
+/// What a stage spent; the part is its name.
+impl Artifact for Spent {
+    fn keep(&self, ledger: &mut dyn Ledger, part: &str) -> Result<()> {
+        keep_json(ledger, &format!("spent_{part}.json"), self)
+    }
+
+    fn recall(ledger: &dyn Ledger, part: &str) -> Result<Option<Self>> {
+        recall_json(ledger, &format!("spent_{part}.json"))
+    }
+}
+
+/// S of all by one judge, whose name is the part, as JSON, and beside it every adapted policy.
+impl Artifact for Judged {
+    fn keep(&self, ledger: &mut dyn Ledger, judge: &str) -> Result<()> {
+        let tensors = self.adapted.iter().flat_map(|AdaptedPolicy { demo, variant, policy }| {
+            policy_tensors(&adapted_prefix(*variant, *demo), policy)
+        });
+        ledger.keep(&adapted_name(judge), &write_tensors(&tensors.collect::<Vec<_>>()))?;
+        keep_json(ledger, &scores_name(judge), &self.scores)
+    }
+
+    fn recall(ledger: &dyn Ledger, judge: &str) -> Result<Option<Self>> {
+        let name = adapted_name(judge);
+        let scores: Option<ScoreTable> = recall_json(ledger, &scores_name(judge))?;
+        let (Some(scores), Some(bytes)) = (scores, ledger.recall(&name)?) else { return Ok(None) };
+        let tensors = Tensors::read(&bytes, &name)?;
+        let adapted = |of: &Suitability| {
+            let (demo, variant) = (of.demo, of.variant);
+            let policy = tensors.policy(&adapted_prefix(variant, demo))?;
+            Ok(AdaptedPolicy { demo, variant, policy })
+        };
+        let adapted = scores.suitabilities.iter().map(adapted).collect::<Result<_>>()?;
+        Ok(Some(Self { scores, adapted }))
+    }
+}
+
+fn scores_name(judge: &str) -> String {
+    format!("scores_{judge}.json")
+}
+
+fn adapted_name(judge: &str) -> String {
+    format!("adapted_{judge}.safetensors")
+}
+
+/// Under which names an adapted policy's tensors stand.
+fn adapted_prefix(variant: EnvVariant, demo: DemoId) -> String {
+    format!("variant_{}.demonstration_{demo}", variant.0)
+}
+
+/// θ with D_meta.
+impl Artifact for Learner {
+    fn keep(&self, ledger: &mut dyn Ledger, _: &str) -> Result<()> {
+        let mut tensors = policy_tensors(POLICY, &self.policy);
+        tensors.extend(network_tensors(
+            "discriminator",
+            self.discriminator.network(),
+            self.discriminator.parameters(),
+        ));
+        ledger.keep(PRIOR, &write_tensors(&tensors))
+    }
+
+    fn recall(ledger: &dyn Ledger, _: &str) -> Result<Option<Self>> {
+        let Some(bytes) = ledger.recall(PRIOR)? else { return Ok(None) };
+        let tensors = Tensors::read(&bytes, PRIOR)?;
+        let policy = tensors.policy(POLICY)?;
+        let (network, parameters) = tensors.network("discriminator")?;
+        let wanted = (policy.filter().observation_size() + policy.action_size(), 1);
+        let found = (network.input_width(), network.output_width());
+        if found != wanted {
+            return Err(Error::bad_input(format!(
+                "{PRIOR}: the discriminator maps {} numbers to {}, and must map {} to {}",
+                found.0, found.1, wanted.0, wanted.1
+            )));
+        }
+        let discriminator = Discriminator::from_parts(network, parameters);
+        Ok(Some(Self { policy, discriminator }))
+    }
+}
+
+const PRIOR: &str = "prior.safetensors";
+
+/// Under which prefix a file of one policy holds its tensors.
+const POLICY: &str = "policy";
+
+#[derive(Serialize, Deserialize)]
+struct CurveFile {
+    demos: Vec<DemoId>,
+    points: Vec<CurvePoint>,
+    outcome: CurvePoint,
+    end: CurvePoint,
+    played: u64,
+}
+
+impl Artifact for LearningCurve {
+    fn keep(&self, ledger: &mut dyn Ledger, part: &str) -> Result<()> {
+        let Self { demos, points, outcome, end, played, best } = self;
+        let (demos, points) = (demos.clone(), points.clone());
+        let file = CurveFile { demos, points, outcome: *outcome, end: *end, played: *played };
+        ledger.keep(&format!("policy_{part}.safetensors"), &write_policy(best))?;
+        keep_json(ledger, &format!("learning_curve_{part}.json"), &file)
+    }
+
+    fn recall(ledger: &dyn Ledger, part: &str) -> Result<Option<Self>> {
+        let name = format!("policy_{part}.safetensors");
+        let file: Option<CurveFile> = recall_json(ledger, &format!("learning_curve_{part}.json"))?;
+        let (Some(file), Some(bytes)) = (file, ledger.recall(&name)?) else { return Ok(None) };
+        let best = Tensors::read(&bytes, &name)?.policy(POLICY)?;
+        let CurveFile { demos, points, outcome, end, played } = file;
+        Ok(Some(Self { demos, points, outcome, end, played, best }))
+    }
+}
+
+/// A demonstrator's stages of training.
+impl Artifact for Vec<Stage> {
+    fn keep(&self, ledger: &mut dyn Ledger, _: &str) -> Result<()> {
+        ledger.keep(STAGES, &write_checkpoint(self))
+    }
+
+    fn recall(ledger: &dyn Ledger, _: &str) -> Result<Option<Self>> {
+        ledger.recall(STAGES)?.map(|bytes| read_binary(&bytes, STAGES)).transpose()
+    }
+}
+
+/// Under which name a demonstrator's stages are kept.
+pub const STAGES: &str = "stages.bin";
+
+/// A policy as safetensors: `policy.<layer>.weight` `[in, out]` and `.bias` `[out]`, `policy.log_std` `[act]`,
+/// `policy.observation_mean` and `policy.observation_std` `[obs]`.
+pub fn write_policy(policy: &Policy) -> Vec<u8> {
+    write_tensors(&policy_tensors(POLICY, policy))
+}
+
+/// A policy from the bytes of [`write_policy`]; `name` is for errors.
+pub fn read_policy(bytes: &[u8], name: &str) -> Result<Policy> {
+    Tensors::read(bytes, name)?.policy(POLICY)
+}
+
+/// Under which name a stage's checkpoint is kept.
+pub fn checkpoint_name(stage: &str, part: &str) -> String {
+    if part.is_empty() { format!("checkpoint_{stage}.bin") } else { format!("checkpoint_{stage}_{part}.bin") }
+}
+
+/// A state with the version of this format before it.
+pub fn write_checkpoint(state: &dyn Snapshot) -> Vec<u8> {
+    let mut bytes = FORMAT_VERSION.to_le_bytes().to_vec();
+    bytes.extend(state.to_bytes());
+    bytes
+}
+
+/// The state from the bytes of [`write_checkpoint`]; `name` is for errors.
+pub fn read_checkpoint<State: DeserializeOwned>(bytes: &[u8], name: &str) -> Result<State> {
+    read_binary(bytes, name).map_err(|error| error.with_hint("delete it to start this stage anew"))
+}
+
+fn read_binary<T: DeserializeOwned>(bytes: &[u8], name: &str) -> Result<T> {
+    let (version, state) = bytes
+        .split_first_chunk()
+        .ok_or_else(|| Error::bad_input(format!("{name} is cut short: {} bytes", bytes.len())))?;
+    check_version(u32::from_le_bytes(*version), FORMAT_VERSION, name)?;
+    postcard::from_bytes(state).map_err(|error| Error::bad_input(format!("{name} cannot be read: {error}")))
+}
+
+struct Tensor {
+    name: String,
+    shape: Vec<usize>,
+    values: Vec<f32>,
+}
+
+fn policy_tensors(prefix: &str, policy: &Policy) -> Vec<Tensor> {
+    let mut tensors = network_tensors(prefix, policy.network(), policy.network_parameters());
+    for (name, values) in [
+        ("log_std", policy.log_std()),
+        ("observation_mean", policy.filter().mean()),
+        ("observation_std", policy.filter().std()),
+    ] {
+        tensors.push(Tensor {
+            name: format!("{prefix}.{name}"),
+            shape: vec![values.len()],
+            values: values.to_vec(),
+        });
+    }
+    tensors
+}
+
+fn network_tensors(prefix: &str, network: &Mlp, parameters: &[f32]) -> Vec<Tensor> {
+    let layers = network.layout().into_iter().enumerate();
+    layers
+        .flat_map(|(index, layer)| {
+            let weight = Tensor {
+                name: format!("{prefix}.{index}.weight"),
+                shape: vec![layer.inputs, layer.outputs],
+                values: parameters[layer.weight].to_vec(),
+            };
+            let bias = Tensor {
+                name: format!("{prefix}.{index}.bias"),
+                shape: vec![layer.outputs],
+                values: parameters[layer.bias].to_vec(),
+            };
+            [weight, bias]
+        })
+        .collect()
+}
+
+fn write_tensors(tensors: &[Tensor]) -> Vec<u8> {
+    let bytes: Vec<Vec<u8>> = tensors
+        .iter()
+        .map(|tensor| tensor.values.iter().flat_map(|value| value.to_le_bytes()).collect())
+        .collect();
+    let views = tensors.iter().zip(&bytes).map(|(tensor, bytes)| {
+        let view = TensorView::new(Dtype::F32, tensor.shape.clone(), bytes).expect("shape and bytes agree");
+        (tensor.name.clone(), view)
+    });
+    // One entry only: a map of several would be written in an order of its own each time.
+    let metadata = [(VERSION_KEY.to_owned(), TENSORS_VERSION.to_string())].into();
+    safetensors::serialize(views, Some(metadata)).expect("names are unique and views are whole")
+}
+
+struct Tensors<'a> {
+    tensors: SafeTensors<'a>,
+    name: &'a str,
+}
+
+impl<'a> Tensors<'a> {
+    fn read(bytes: &'a [u8], name: &'a str) -> Result<Self> {
+        let tensors = SafeTensors::deserialize(bytes)
+            .map_err(|error| Error::bad_input(format!("{name} is not a safetensors file: {error}")))?;
+        let (_, header) = SafeTensors::read_metadata(bytes).expect("read just now");
+        let version = header.metadata().as_ref().and_then(|metadata| metadata.get(VERSION_KEY));
+        match version.map(|version| version.parse()) {
+            Some(Ok(version)) => check_version(version, TENSORS_VERSION, name)?,
+            _ => {
+                return Err(Error::bad_input(format!(
+                    "{name} says no {VERSION_KEY} in its metadata, so it was not written by demosift"
+                )));
+            }
+        }
+        Ok(Self { tensors, name })
+    }
+
+    fn values(&self, tensor: &str) -> Result<(Vec<usize>, Vec<f32>)> {
+        let view = self.tensors.tensor(tensor).map_err(|_| {
+            let known = self.tensors.names().join(", ");
+            Error::bad_input(format!("{} has no tensor '{tensor}'; it has: {known}", self.name))
+        })?;
+        if view.dtype() != Dtype::F32 {
+            return Err(Error::bad_input(format!(
+                "{}: tensor '{tensor}' is not of 32-bit floats",
+                self.name
+            )));
+        }
+        let (chunks, _) = view.data().as_chunks();
+        let values: Vec<f32> = chunks.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+        if let Some(value) = values.iter().find(|value| !value.is_finite()) {
+            return Err(Error::bad_input(format!(
+                "{}: tensor '{tensor}' holds {value}, and must hold finite numbers",
+                self.name
+            )));
+        }
+        Ok((view.shape().to_vec(), values))
+    }
+
+    fn network(&self, prefix: &str) -> Result<(Mlp, Vec<f32>)> {
+        let (mut widths, mut parameters) = (Vec::new(), Vec::new());
+        while widths.is_empty()
+            || self.tensors.tensor(&format!("{prefix}.{}.weight", widths.len() - 1)).is_ok()
+        {
+            let index = widths.len().saturating_sub(1);
+            let (shape, weight) = self.values(&format!("{prefix}.{index}.weight"))?;
+            let (_, bias) = self.values(&format!("{prefix}.{index}.bias"))?;
+            let fits = match (shape.as_slice(), widths.last()) {
+                ([inputs, outputs], None) => *inputs > 0 && *outputs == bias.len() && *outputs > 0,
+                ([inputs, outputs], Some(last)) => inputs == last && *outputs == bias.len() && *outputs > 0,
+                _ => false,
+            };
+            if !fits {
+                return Err(Error::bad_input(format!(
+                    "{}: the shape {shape:?} of '{prefix}.{index}.weight' does not fit its neighbors",
+                    self.name
+                )));
+            }
+            if widths.is_empty() {
+                widths.push(shape[0]);
+            }
+            widths.push(shape[1]);
+            parameters.extend(weight);
+            parameters.extend(bias);
+        }
+        Ok((Mlp::new(&widths), parameters))
+    }
+
+    fn policy(&self, prefix: &str) -> Result<Policy> {
+        let (network, mut parameters) = self.network(prefix)?;
+        let vector = |name: &str, wanted: usize| {
+            let tensor = format!("{prefix}.{name}");
+            let (_, values) = self.values(&tensor)?;
+            if values.len() != wanted {
+                return Err(Error::bad_input(format!(
+                    "{}: tensor '{tensor}' has {} numbers, and must have {wanted}",
+                    self.name,
+                    values.len()
+                )));
+            }
+            Ok(values)
+        };
+        parameters.extend(vector("log_std", network.output_width())?);
+        let mean = vector("observation_mean", network.input_width())?;
+        let std = vector("observation_std", network.input_width())?;
+        Ok(Policy::from_parts(network, parameters, ObservationFilter::new(mean, std)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::basics::ledger::InMemory;
+    use crate::basics::seed::Seed;
+    use crate::stages::select::Ranked;
+    use crate::world::policy::PolicyShape;
+
+    fn learner() -> Learner {
+        let filter = ObservationFilter::new(vec![0.1, -2.0, 1e-7], vec![1.0, 0.3, 5.0]);
+        let shape = PolicyShape { hidden: vec![5, 4], initial_std: 0.37 };
+        Learner {
+            policy: Policy::untrained(&shape, filter, 2, Seed::new(1)),
+            discriminator: Discriminator::undecided(&[6], 5, Seed::new(2)),
+        }
+    }
+
+    fn bits(values: &[f32]) -> Vec<u32> {
+        values.iter().map(|value| value.to_bits()).collect()
+    }
+
+    fn recalled(bytes: &[u8]) -> Result<Option<Learner>> {
+        let mut ledger = InMemory::default();
+        ledger.keep(PRIOR, bytes)?;
+        Learner::recall(&ledger, "")
+    }
+
+    fn written(change: impl FnOnce(&mut Vec<Tensor>)) -> Vec<u8> {
+        let Learner { policy, discriminator } = learner();
+        let mut tensors = policy_tensors(POLICY, &policy);
+        tensors.extend(network_tensors("discriminator", discriminator.network(), discriminator.parameters()));
+        change(&mut tensors);
+        write_tensors(&tensors)
+    }
+
+    #[test]
+    fn a_prior_comes_back_to_the_bit_and_its_bytes_are_the_same_each_time() {
+        let learner = learner();
+        let mut ledgers = [InMemory::default(), InMemory::default()];
+        for ledger in &mut ledgers {
+            learner.keep(ledger, "").expect("memory");
+        }
+        let bytes = ledgers.each_ref().map(|ledger| ledger.recall(PRIOR).expect("memory"));
+        assert_eq!(bytes[0], bytes[1]);
+        let back = Learner::recall(&ledgers[0], "").expect("readable").expect("kept");
+        assert_eq!(back, learner);
+        assert_eq!(bits(back.policy.parameters()), bits(learner.policy.parameters()));
+        assert_eq!(bits(back.policy.filter().mean()), bits(learner.policy.filter().mean()));
+        assert_eq!(bits(back.discriminator.parameters()), bits(learner.discriminator.parameters()));
+    }
+
+    #[test]
+    fn what_was_judged_comes_back_with_every_adapted_policy() {
+        let of = |demo: usize, shift: f32| {
+            let policy = learner().policy;
+            let moved = policy.moved(&vec![shift; policy.parameters().len()]);
+            let (demo, variant) = (DemoId(demo), EnvVariant(1));
+            let (before, after, distances) = (vec![vec![0.5]], vec![vec![0.1 + 0.2]], vec![3.25]);
+            let suitability = Suitability { demo, variant, before, after, distances, curves: vec![vec![]] };
+            (suitability, AdaptedPolicy { demo, variant, policy: moved })
+        };
+        let (suitabilities, adapted) = [of(0, 0.1), of(1, -0.2)].into_iter().unzip();
+        let judged = Judged { scores: ScoreTable { suitabilities }, adapted };
+        let mut ledger = InMemory::default();
+        judged.keep(&mut ledger, "paper").expect("memory");
+        assert_eq!(Judged::recall(&ledger, "cloning").expect("readable"), None, "another judge");
+        assert_eq!(Judged::recall(&ledger, "paper").expect("readable"), Some(judged));
+        ledger.forget(&adapted_name("paper")).expect("memory");
+        assert_eq!(Judged::recall(&ledger, "paper").expect("readable"), None, "it is judged again");
+    }
+
+    #[test]
+    fn a_policy_comes_back_to_the_bit() {
+        let policy = learner().policy;
+        let bytes = write_policy(&policy);
+        assert_eq!(read_policy(&bytes, "policy").expect("readable"), policy);
+        assert_eq!(bytes, write_policy(&policy));
+    }
+
+    #[test]
+    fn a_file_cut_anywhere_is_an_error() {
+        let whole = written(|_| ());
+        assert!(recalled(&whole).expect("readable").is_some());
+        for length in (0..whole.len()).step_by(7) {
+            let error = recalled(&whole[..length]).expect_err("cut short");
+            assert!(error.is_bad_input() && error.to_string().contains(PRIOR), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_changed_byte_of_the_header_never_panics() {
+        let whole = written(|_| ());
+        for position in 0..whole.len().min(1500) {
+            for change in [1, 0x80] {
+                let mut bytes = whole.clone();
+                bytes[position] ^= change;
+                let _ = recalled(&bytes);
+            }
+        }
+    }
+
+    #[test]
+    fn tensors_that_do_not_fit_are_told_by_name() {
+        let complaint = |change: fn(&mut Vec<Tensor>)| {
+            let error = recalled(&written(change)).expect_err("does not fit");
+            assert!(error.is_bad_input());
+            error.to_string()
+        };
+        let missing = complaint(|tensors| tensors.retain(|tensor| tensor.name != "policy.log_std"));
+        assert!(missing.contains("has no tensor 'policy.log_std'; it has: "), "{missing}");
+        let shape = complaint(|tensors| tensors[2].shape.reverse());
+        assert!(shape.contains("policy.1.weight"), "{shape}");
+        let short = complaint(|tensors| {
+            let log_std = tensors.iter_mut().find(|tensor| tensor.name == "policy.log_std").expect("written");
+            (log_std.shape, log_std.values) = (vec![1], vec![0.0]);
+        });
+        assert!(short.contains("'policy.log_std' has 1 numbers, and must have 2"), "{short}");
+        let broken = complaint(|tensors| tensors[0].values[3] = f32::NAN);
+        assert!(broken.contains("'policy.0.weight' holds NaN"), "{broken}");
+        let unfit = complaint(|tensors| {
+            tensors.retain(|tensor| !tensor.name.starts_with("discriminator"));
+            let other = Discriminator::undecided(&[6], 9, Seed::new(2));
+            tensors.extend(network_tensors("discriminator", other.network(), other.parameters()));
+        });
+        assert!(unfit.contains("maps 9 numbers to 1, and must map 5 to 1"), "{unfit}");
+    }
+
+    #[test]
+    fn files_of_another_version_are_refused() {
+        let mut newer = written(|_| ());
+        let entry = b"\"demosift_format\":\"1\"";
+        let place = newer.windows(entry.len()).position(|window| window == entry).expect("written") + 19;
+        newer[place] = b'7';
+        let error = recalled(&newer).expect_err("newer");
+        assert_eq!(error.to_string(), format!("{PRIOR} has format version 7; this demosift reads version 1"));
+        newer[place - 18] = b'x';
+        assert!(recalled(&newer).expect_err("foreign").to_string().contains("not written by demosift"));
+
+        let mut checkpoint = write_checkpoint(&vec![1_u32, 2]);
+        assert_eq!(read_checkpoint::<Vec<u32>>(&checkpoint, "x").expect("readable"), [1, 2]);
+        assert!(read_checkpoint::<Vec<u32>>(&checkpoint[..3], "x").expect_err("short").is_bad_input());
+        assert!(read_checkpoint::<Vec<u32>>(&checkpoint[..5], "x").expect_err("short").hint().is_some());
+        checkpoint[0] = 9;
+        let error = read_checkpoint::<Vec<u32>>(&checkpoint, "x").expect_err("newer");
+        assert_eq!(error.to_string(), "x has format version 9; this demosift reads version 2");
+    }
+
+    #[test]
+    fn json_nouns_come_back_and_bad_ones_are_told() {
+        let ranking = Ranking {
+            entries: vec![Ranked { demo: DemoId(3), before: 0.1 + 0.2, after: -1e-300, score: f64::MAX }],
+        };
+        let mut ledger = InMemory::default();
+        assert_eq!(Ranking::recall(&ledger, "").expect("nothing is no error"), None);
+        ranking.keep(&mut ledger, "").expect("memory");
+        assert_eq!(Ranking::recall(&ledger, "").expect("readable"), Some(ranking));
+        for bad in ["", "{", "{\"version\": 2}", "{\"version\": 1, \"entries\": []}", "[1]"] {
+            ledger.keep("ranking.json", bad.as_bytes()).expect("memory");
+            let error = Ranking::recall(&ledger, "").expect_err("bad");
+            assert!(error.is_bad_input() && error.to_string().contains("ranking.json"), "{error}");
+        }
+    }
+}

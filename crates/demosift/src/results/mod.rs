@@ -1,0 +1,11 @@
+//! What the stages found, and what is concluded from it: how sure it is, how it is compared, written and reported.
+
+pub mod artifact;
+pub mod data_only;
+pub mod metrics;
+pub mod panel;
+mod protobuf;
+pub mod recording;
+pub mod report;
+pub mod tensorboard;
+pub mod uncertainty;

@@ -1,0 +1,348 @@
+//! Two judges of one set: what each says, how far each agrees with itself and with the other, and which of them decides.
+//!
+//! One imitates by behavioral cloning from scratch (§4.1.1, C.4), many times and cheaply; the other is the paper's, which
+//! adapts meta-learned parameters (§4).
+//! A judge whose repeats agree no better than shuffled ones has no vote, nor has one under which no imitation surely made
+//! the agent better: what it says of this set is chance.
+//! The order is that of the first judge with a vote; `docs/design.md` says why it is not a mean of both.
+
+use rand::seq::SliceRandom as _;
+use serde::{Deserialize, Serialize};
+
+use crate::basics::error::{Error, Result};
+use crate::basics::seed::Seed;
+use crate::data::demonstration::DemoId;
+use crate::results::metrics;
+use crate::results::uncertainty::{self, Resampling, Uncertainty};
+use crate::stages::judge::ScoreTable;
+use crate::stages::select::{self, Ranking};
+
+/// Who judges.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Judge {
+    /// Behavioral cloning of each demonstration by policies that know nothing.
+    Cloning,
+    /// The paper's: meta-learned parameters that adapt, or what [`crate::stages::method::Method`] puts in their place.
+    Paper,
+}
+
+impl Judge {
+    /// Under which its nouns are kept.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cloning => "cloning",
+            Self::Paper => "paper",
+        }
+    }
+}
+
+impl std::fmt::Display for Judge {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.name().fmt(out)
+    }
+}
+
+/// Which judges are asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Judges {
+    /// Behavioral cloning alone.
+    Cloning,
+    /// The paper's alone.
+    Paper,
+    /// Cloning first, then the paper's.
+    Both,
+}
+
+impl Judges {
+    /// In the order in which they judge, and in which the first with a vote decides.
+    pub fn each(self) -> &'static [Judge] {
+        match self {
+            Self::Cloning => &[Judge::Cloning],
+            Self::Paper => &[Judge::Paper],
+            Self::Both => &[Judge::Cloning, Judge::Paper],
+        }
+    }
+}
+
+/// Whether what a judge says counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Vote {
+    /// It does.
+    Counts,
+    /// Nobody can know: each demonstration was imitated once.
+    Unrepeated,
+    /// Its repeats agree no better than chance.
+    DisagreesWithItself,
+    /// Imitating by it surely made the agent better for no demonstration.
+    TaughtNothing,
+}
+
+/// What one judge says.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Opinion {
+    /// Who.
+    pub judge: Judge,
+    /// Its order.
+    pub ranking: Ranking,
+    /// How sure it is.
+    pub uncertainty: Uncertainty,
+    /// Spearman's rank correlation of one repeat with the mean of the others, the mean over repeats; `None` with one repeat,
+    /// or where all demonstrations are alike.
+    pub agrees_with_itself: Option<f64>,
+    /// Whether that counts.
+    pub vote: Vote,
+}
+
+/// A demonstration of which one judge is sure that it belongs to the best K, and the other that it does not.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Disagreement {
+    /// v_i.
+    pub demo: DemoId,
+    /// Who would keep it.
+    pub kept_by: Judge,
+}
+
+/// What the judges say of a set.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Panel {
+    /// One a judge, in the order in which they were asked.
+    pub opinions: Vec<Opinion>,
+    /// Whose order is taken.
+    pub decides: Judge,
+    /// Spearman's rank correlation between the judges, where there are two.
+    pub agreement: Option<f64>,
+    /// Where they clearly differ about the best K, in the order of the set.
+    pub disagreements: Vec<Disagreement>,
+}
+
+/// What a judge found, to be weighed.
+#[derive(Clone, Copy, Debug)]
+pub struct Found<'a> {
+    /// Who.
+    pub judge: Judge,
+    /// S of all.
+    pub scores: &'a ScoreTable,
+}
+
+impl Panel {
+    /// The opinion that is taken.
+    pub fn deciding(&self) -> &Opinion {
+        self.of(self.decides).expect("who decides was asked")
+    }
+
+    /// The opinion of a judge, if it was asked.
+    pub fn of(&self, judge: Judge) -> Option<&Opinion> {
+        self.opinions.iter().find(|opinion| opinion.judge == judge)
+    }
+
+    /// Those whose order is not taken.
+    pub fn others(&self) -> impl Iterator<Item = &Opinion> {
+        self.opinions.iter().filter(|opinion| opinion.judge != self.decides)
+    }
+}
+
+/// Sets the judges beside each other; `k` is where they must not disagree, K of the top K.
+///
+/// # Errors
+/// Bad input if there is no judge, or a table is not whole.
+pub fn panel(found: &[Found<'_>], k: usize, seed: &Seed) -> Result<Panel> {
+    let opinions = found.iter().map(|found| opinion(found, seed)).collect::<Result<Vec<_>>>()?;
+    let first = opinions.first().ok_or_else(|| Error::bad_input("no judge was asked"))?;
+    let decides = opinions.iter().find(|opinion| opinion.vote.counts()).unwrap_or(first).judge;
+    let (agreement, disagreements) = match opinions.as_slice() {
+        [one, other] => (agreement(one, other), disagreements([one, other], k)),
+        _ => (None, Vec::new()),
+    };
+    Ok(Panel { opinions, decides, agreement, disagreements })
+}
+
+impl Vote {
+    /// Whether the judge may decide.
+    pub fn counts(self) -> bool {
+        matches!(self, Self::Counts | Self::Unrepeated)
+    }
+}
+
+fn opinion(found: &Found<'_>, seed: &Seed) -> Result<Opinion> {
+    let seed = seed.of(found.judge.name());
+    let uncertainty =
+        uncertainty::uncertainty(found.scores, &Resampling::default(), &seed.of("uncertainty"))?;
+    let repeats = repeats(found.scores);
+    let agrees_with_itself = agreement_of(&repeats);
+    let helps = uncertainty.demonstrations.iter().any(|doubt| doubt.improves >= uncertainty.level);
+    let is_more_than_chance = agrees_with_itself
+        .is_some_and(|agreement| is_more_than_chance(agreement, &repeats, seed.of("chance")));
+    let vote = match (is_more_than_chance, helps) {
+        _ if repeats.len() < 2 => Vote::Unrepeated,
+        (false, _) => Vote::DisagreesWithItself,
+        (true, false) => Vote::TaughtNothing,
+        (true, true) => Vote::Counts,
+    };
+    Ok(Opinion {
+        judge: found.judge,
+        ranking: select::rank(found.scores),
+        uncertainty,
+        agrees_with_itself,
+        vote,
+    })
+}
+
+/// Mean scores over evaluations and variants, `[repeats][n]`: of the repeats that all demonstrations have.
+fn repeats(table: &ScoreTable) -> Vec<Vec<f64>> {
+    let count = table.suitabilities.iter().map(|of| of.after.len()).min().unwrap_or(0);
+    let demos = 1 + table.suitabilities.iter().map(|of| of.demo.0).max().unwrap_or(0);
+    let mut means = vec![vec![0.0; demos]; count];
+    for of in &table.suitabilities {
+        for (repeat, scores) in means.iter_mut().zip(&of.after) {
+            repeat[of.demo.0] += metrics::mean(scores);
+        }
+    }
+    means
+}
+
+/// Spearman's correlation of each repeat with the mean of the others, averaged; `None` where that means nothing.
+fn agreement_of(repeats: &[Vec<f64>]) -> Option<f64> {
+    if repeats.len() < 2 {
+        return None;
+    }
+    let of = |left_out: usize| {
+        let others = repeats.iter().enumerate().filter(|(repeat, _)| *repeat != left_out);
+        let mut mean = vec![0.0; repeats[left_out].len()];
+        others.for_each(|(_, other)| mean.iter_mut().zip(other).for_each(|(sum, score)| *sum += score));
+        metrics::spearman(&repeats[left_out], &mean)
+    };
+    let agreement = metrics::mean(&(0..repeats.len()).map(of).collect::<Vec<_>>());
+    agreement.is_finite().then_some(agreement)
+}
+
+/// How often the repeats are shuffled, and up to which share of these may agree as well.
+const SHUFFLES: usize = 999;
+const CHANCE: f64 = 0.05;
+
+/// A permutation test: who was imitated is shuffled in every repeat, each by itself.
+fn is_more_than_chance(agreement: f64, repeats: &[Vec<f64>], seed: Seed) -> bool {
+    let mut rng = seed.into_rng();
+    let mut shuffled = repeats.to_vec();
+    let mut as_good = 1;
+    for _ in 0..SHUFFLES {
+        shuffled.iter_mut().for_each(|repeat| repeat.shuffle(&mut rng));
+        as_good += usize::from(agreement_of(&shuffled).is_none_or(|chance| chance >= agreement - 1e-9));
+    }
+    as_good as f64 / (SHUFFLES + 1) as f64 <= CHANCE
+}
+
+fn agreement(one: &Opinion, other: &Opinion) -> Option<f64> {
+    let scores = |opinion: &Opinion| {
+        let mut entries = opinion.ranking.entries.clone();
+        entries.sort_by_key(|entry| entry.demo);
+        entries.iter().map(|entry| entry.score).collect::<Vec<_>>()
+    };
+    Some(metrics::spearman(&scores(one), &scores(other))).filter(|agreement| agreement.is_finite())
+}
+
+fn disagreements(opinions: [&Opinion; 2], k: usize) -> Vec<Disagreement> {
+    let level = opinions[0].uncertainty.level;
+    let top = |opinion: &Opinion, demo| {
+        opinion.uncertainty.of(demo).and_then(|doubt| doubt.top.get(k.saturating_sub(1)).copied())
+    };
+    let differ = |demo: DemoId| {
+        let [one, other] = opinions.map(|opinion| top(opinion, demo).unwrap_or(0.5));
+        let kept_by = |winner: &Opinion| Disagreement { demo, kept_by: winner.judge };
+        match (one, other) {
+            (sure, not) if sure >= level && not <= 1.0 - level => Some(kept_by(opinions[0])),
+            (not, sure) if sure >= level && not <= 1.0 - level => Some(kept_by(opinions[1])),
+            _ => None,
+        }
+    };
+    let mut demos: Vec<DemoId> = opinions[0].ranking.entries.iter().map(|entry| entry.demo).collect();
+    demos.sort_unstable();
+    demos.into_iter().filter_map(differ).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_distr::{Distribution as _, StandardNormal};
+
+    use super::*;
+    use crate::stages::judge::Suitability;
+    use crate::world::environment::EnvVariant;
+
+    /// Repeats with noise around what each demonstration is worth; the agent before scores 0.
+    fn table(worth: &[f64], noise: f64, repeats: usize, seed: u64) -> ScoreTable {
+        let mut rng = Seed::new(seed).into_rng();
+        let mut repeat = |worth: f64| {
+            let drawn: f64 = StandardNormal.sample(&mut rng);
+            vec![worth + noise * drawn; 2]
+        };
+        let suitability = |(demo, worth): (usize, &f64)| Suitability {
+            demo: DemoId(demo),
+            variant: EnvVariant(0),
+            before: vec![vec![0.0; 2]],
+            after: (0..repeats).map(|_| repeat(*worth)).collect(),
+            distances: Vec::new(),
+            curves: Vec::new(),
+        };
+        ScoreTable { suitabilities: worth.iter().enumerate().map(suitability).collect() }
+    }
+
+    fn judged(cloning: &ScoreTable, paper: &ScoreTable) -> Panel {
+        let found =
+            [Found { judge: Judge::Cloning, scores: cloning }, Found { judge: Judge::Paper, scores: paper }];
+        panel(&found, 2, &Seed::new(1)).expect("two whole tables")
+    }
+
+    #[test]
+    fn a_judge_that_does_not_agree_with_itself_has_no_vote() {
+        let good = table(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], 0.1, 4, 1);
+        let chance = table(&[3.0; 6], 1.0, 4, 2);
+        let panel = judged(&chance, &good);
+        assert_eq!(panel.of(Judge::Cloning).map(|opinion| opinion.vote), Some(Vote::DisagreesWithItself));
+        assert_eq!(panel.decides, Judge::Paper);
+        assert_eq!(judged(&good, &chance).decides, Judge::Cloning);
+        assert_eq!(judged(&chance, &chance).decides, Judge::Cloning, "somebody must");
+    }
+
+    #[test]
+    fn a_judge_under_which_nothing_surely_helps_has_no_vote() {
+        let harm = table(&[-1.0, -2.0, -3.0, -4.0, -5.0, -6.0], 0.1, 4, 1);
+        let good = table(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], 0.1, 4, 1);
+        let panel = judged(&harm, &good);
+        assert_eq!(panel.of(Judge::Cloning).map(|opinion| opinion.vote), Some(Vote::TaughtNothing));
+        assert_eq!(panel.decides, Judge::Paper);
+    }
+
+    #[test]
+    fn of_one_repeat_nobody_can_say_how_well_it_agrees_with_itself() {
+        let once = table(&[1.0, 2.0, 3.0], 0.1, 1, 1);
+        let panel = judged(&once, &once);
+        assert_eq!(panel.deciding().vote, Vote::Unrepeated);
+        assert_eq!(panel.deciding().agrees_with_itself, None);
+    }
+
+    /// Chance gets a vote about as often as it is said: in at most one of twenty sets of equals.
+    #[test]
+    fn equals_seldom_get_a_judge_a_vote() {
+        let votes = (0..200)
+            .filter(|&number| {
+                let equals = table(&[3.0; 8], 1.0, 4, 100 + number);
+                judged(&equals, &equals).deciding().vote.counts()
+            })
+            .count();
+        assert!(votes <= 18, "{votes} of 200; one of twenty would be 10");
+    }
+
+    #[test]
+    fn judges_disagree_where_each_is_sure_of_the_other_side() {
+        let one = table(&[6.0, 5.0, 1.0, 2.0, 3.0], 0.05, 4, 1);
+        let other = table(&[6.0, 1.0, 5.0, 2.0, 3.0], 0.05, 4, 2);
+        let panel = judged(&one, &other);
+        let found: Vec<(usize, Judge)> =
+            panel.disagreements.iter().map(|found| (found.demo.0, found.kept_by)).collect();
+        assert_eq!(found, [(1, Judge::Cloning), (2, Judge::Paper)]);
+        // scipy.stats.spearmanr([5, 4, 1, 2, 3], [5, 1, 4, 2, 3])
+        assert!((panel.agreement.expect("two judges") - 0.1).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,427 @@
+//! All that a run found, gathered into one value to be shown to a person.
+//!
+//! The report concludes nothing that the nouns of the flow do not say: it puts them side by side, in the order of the
+//! ranking, and works out what only a picture needs, such as the band of an adaptation curve over its repeats.
+//! How it looks is not said here; the command writes it into a page.
+//!
+//! A run may stand anywhere behind judging: what it has not found yet is not there.
+
+mod shown;
+
+use serde::Serialize;
+
+use crate::basics::error::{Error, Result};
+use crate::basics::ledger::Ledger;
+use crate::data::demonstration::{DemoId, DemonstrationSet};
+use crate::learning::adapt::UpdateReport;
+use crate::results::artifact::Artifact;
+use crate::results::data_only::DataOnly;
+use crate::results::metrics::{self, Gain};
+use crate::results::panel::{self, Disagreement, Judge, Panel, Vote};
+use crate::stages::imitate::{CurvePoint, LearningCurve};
+use crate::stages::judge::{Judged, ScoreTable, Suitability};
+use crate::stages::method::Costs;
+use crate::stages::referee::Verdict;
+use crate::stages::select::{self, Keep, Ranking, Subset};
+use crate::stages::subset_selection::{Weighing, WeighingEnd};
+use crate::world::environment::{EnvVariant, Task};
+use crate::world::heuristic::Score;
+
+pub use shown::{Part, Shown, agent_episodes, typical_evaluation};
+
+/// What a report is made of.
+pub struct Sources<'a> {
+    /// Keeps the nouns of the run.
+    pub ledger: &'a dyn Ledger,
+    /// V.
+    pub set: &'a DemonstrationSet,
+    /// The task that was played.
+    pub task: &'a dyn Task,
+    /// How many were to be kept.
+    pub keep: Keep,
+    /// What the judges say.
+    pub panel: &'a Panel,
+    /// What others say of the recordings.
+    pub opinions: &'a DataOnly,
+    /// What was played.
+    pub costs: &'a Costs,
+}
+
+/// All that a run found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// The task's name.
+    pub task: String,
+    /// Names of its variants.
+    pub variants: Vec<String>,
+    /// Control steps in an episode.
+    pub horizon: usize,
+    /// Simulated seconds of a control step.
+    pub control_step_secs: f64,
+    /// Of the heuristic.
+    pub unit: String,
+    /// How the agent of the paper's judge was prepared.
+    pub method: String,
+    /// Whoever judged, in the order in which they were asked.
+    pub judges: Vec<JudgeShown>,
+    /// Spearman's rank correlation between the judges, where there are two.
+    pub agreement: Option<f64>,
+    /// Where one judge is sure that a demonstration belongs to the best, and the other that it does not.
+    pub disagreements: Vec<Disagreement>,
+    /// How many were to be kept, as it was asked for.
+    pub keep: String,
+    /// K of [`Entry::top`]: as many as were kept; before anything is kept, a quarter of the set.
+    pub k: usize,
+    /// Whether anything was kept yet.
+    pub has_subset: bool,
+    /// Mean heuristic of the deciding judge's agent before imitating anything, over variants.
+    pub before: Score,
+    /// The probability in each interval.
+    pub level: f64,
+    /// Why the intervals are too narrow, if they are.
+    pub caveat: Option<String>,
+    /// The demonstrations, the most suitable first.
+    pub entries: Vec<Entry>,
+    /// How many groups of demonstrations could be told apart.
+    pub groups: usize,
+    /// How probable it is that the first K are the K best.
+    pub top_set: f64,
+    /// The adapted behaviors distance (Table 1) over the set.
+    pub adapted_behaviors_distance: f64,
+    /// One a judge, demonstration and variant, in the order of judging.
+    pub curves: Vec<AdaptationCurve>,
+    /// What the recordings alone say.
+    pub opinions: Vec<Opinion>,
+    /// What the referee says, where it was asked.
+    pub verdict: Option<Verdict>,
+    /// The policy from the kept demonstrations beside the one from all, by one training each, where both were trained.
+    pub learning: Option<Learning>,
+    /// How the weights went (Algorithm 3), where they were asked for.
+    pub weights: Option<WeightTrends>,
+    /// What was played.
+    pub costs: Played,
+}
+
+/// A place of the ranking.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Entry {
+    /// v_i.
+    pub demo: DemoId,
+    /// T of the recording, control steps.
+    pub steps: usize,
+    /// Mean heuristic after imitating it.
+    pub after: Score,
+    /// S (Eq. 8), the mean over variants.
+    pub gain: Score,
+    /// Lower end of the interval of S.
+    pub low: Score,
+    /// Upper end of the interval of S.
+    pub high: Score,
+    /// Probability that S > 0.
+    pub improves: f64,
+    /// Probability that it belongs to the K best.
+    pub top: f64,
+    /// The group of demonstrations that it cannot be told from, counted from 1.
+    pub group: usize,
+    /// Whether it was kept.
+    pub kept: bool,
+    /// What each judge says of it, in the order of [`Report::judges`].
+    pub by_judge: Vec<Said>,
+    /// S under each variant, in the order of the variants; empty where there is only one.
+    pub by_variant: Vec<Score>,
+}
+
+/// A judge of the set.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct JudgeShown {
+    /// Who.
+    pub judge: Judge,
+    /// Whether its order is the one that is taken.
+    pub decides: bool,
+    /// Whether what it says counts.
+    pub vote: Vote,
+    /// How far its repeats agree with each other.
+    pub agrees_with_itself: Option<f64>,
+}
+
+/// What one judge says of a demonstration.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Said {
+    /// Its place, from 1.
+    pub place: usize,
+    /// S (Eq. 8).
+    pub gain: Score,
+    /// Lower end of the interval of S.
+    pub low: Score,
+    /// Upper end of the interval of S.
+    pub high: Score,
+}
+
+/// What the repeats of an adaptation went through.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AdaptationCurve {
+    /// Whose.
+    pub judge: Judge,
+    /// v_i.
+    pub demo: DemoId,
+    /// e_j.
+    pub variant: EnvVariant,
+    /// Mean K of the agent that these curves start from, as it was evaluated.
+    pub before: Score,
+    /// Mean K of what came out, as it was evaluated.
+    pub after: Score,
+    /// The heuristic of what was played before each update, `[iterations]`; empty where nothing was played.
+    pub score: Vec<Band>,
+    /// Share of pairs that the discriminator told right, `[iterations]`; empty where there was none.
+    pub accuracy: Vec<Band>,
+}
+
+/// A number over the repeats.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Band {
+    /// The least.
+    pub low: f64,
+    /// The mean.
+    pub mean: f64,
+    /// The largest.
+    pub high: f64,
+}
+
+/// What one scorer of the recordings says.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Opinion {
+    /// The scorer.
+    pub name: String,
+    /// What its number is.
+    pub meaning: String,
+    /// One an entry of the ranking, in its order; higher is better by the scorer's lights.
+    pub scores: Vec<f64>,
+    /// The place that the scorer would give each, from 1; those alike share the mean of their places.
+    pub places: Vec<f64>,
+    /// Spearman's rank correlation with the gains; `None` where the scorer finds all alike.
+    pub spearman: Option<f64>,
+}
+
+/// The policy from the kept demonstrations beside the one from all.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Learning {
+    /// Learning curve of the kept.
+    pub subset: Vec<CurvePoint>,
+    /// Learning curve of all.
+    pub all: Vec<CurvePoint>,
+    /// The best policy from the kept, on episodes that did not choose it.
+    pub from_subset: CurvePoint,
+    /// The best policy from all, likewise.
+    pub from_all: CurvePoint,
+    /// How much better the first is.
+    pub gain: Gain,
+    /// Whether all were kept, so that there is nothing to compare.
+    pub is_all: bool,
+}
+
+/// W over the rounds of Algorithm 3.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct WeightTrends {
+    /// After each round, `[rounds][n]`, in the order of the set.
+    pub rounds: Vec<Vec<f64>>,
+    /// Why there were no more.
+    pub end: WeighingEnd,
+    /// What ended up heavy enough.
+    pub demos: Vec<DemoId>,
+}
+
+/// Environment steps.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Played {
+    /// What every method may spend on learning to imitate and on judging.
+    pub quota: u64,
+    /// What was spent of that.
+    pub of_quota: u64,
+    /// Each finished stage.
+    pub stages: Vec<(String, u64)>,
+}
+
+/// Gathers what the ledger holds.
+///
+/// # Errors
+/// `is_bad_input` if the run has not judged yet, or a file of it is damaged.
+pub fn report(sources: &Sources<'_>) -> Result<Report> {
+    let Sources { ledger, set, task, panel, .. } = *sources;
+    let panel::Opinion { ranking, uncertainty, .. } = panel.deciding();
+    let scores = judged(ledger, panel.decides)?.scores;
+    let subset = Subset::recall(ledger, "")?;
+    let kept = subset.as_ref().map_or(&[][..], |subset| &subset.demos);
+    let k = if kept.is_empty() { set.len().div_ceil(4) } else { kept.len() };
+    let specification = task.specification();
+    let before: Vec<Score> = ranking.entries.iter().map(|entry| entry.before).collect();
+    Ok(Report {
+        task: specification.name.clone(),
+        variants: specification.variants.clone(),
+        horizon: specification.horizon,
+        control_step_secs: specification.control_step_secs,
+        unit: task.heuristic().unit().to_owned(),
+        method: sources.costs.method.to_string(),
+        judges: panel.opinions.iter().map(|opinion| shown_judge(opinion, panel.decides)).collect(),
+        agreement: panel.agreement,
+        disagreements: panel.disagreements.clone(),
+        keep: sources.keep.to_string(),
+        k,
+        has_subset: subset.is_some(),
+        before: metrics::mean(&before),
+        level: uncertainty.level,
+        caveat: uncertainty.caveat(),
+        entries: entries(sources, &scores, (kept, k))?,
+        groups: uncertainty.groups.len(),
+        top_set: uncertainty.top_set.get(k - 1).copied().unwrap_or(f64::NAN),
+        adapted_behaviors_distance: scores.adapted_behaviors_distance(),
+        curves: curves(sources)?,
+        opinions: opinions(ranking, sources.opinions),
+        verdict: Verdict::recall(ledger, "")?,
+        learning: learning(ledger, set)?,
+        weights: Weighing::recall(ledger, "")?.map(trends),
+        costs: played(sources.costs),
+    })
+}
+
+/// What a judge found; the error says that it has not found anything yet.
+pub fn judged(ledger: &dyn Ledger, judge: Judge) -> Result<Judged> {
+    Judged::recall(ledger, judge.name())?.ok_or_else(|| {
+        Error::bad_input("the run has not judged its demonstrations yet, so there is nothing to report")
+            .with_hint("go on with it by `demosift sift --resume`")
+    })
+}
+
+fn shown_judge(opinion: &panel::Opinion, decides: Judge) -> JudgeShown {
+    let panel::Opinion { judge, vote, agrees_with_itself, .. } = *opinion;
+    JudgeShown { judge, decides: judge == decides, vote, agrees_with_itself }
+}
+
+/// The adaptation curves of all judges.
+fn curves(sources: &Sources<'_>) -> Result<Vec<AdaptationCurve>> {
+    let mut curves = Vec::new();
+    for opinion in &sources.panel.opinions {
+        let scores = judged(sources.ledger, opinion.judge)?.scores;
+        curves.extend(scores.suitabilities.iter().map(|of| curve(opinion.judge, of)));
+    }
+    Ok(curves)
+}
+
+fn entries(sources: &Sources<'_>, scores: &ScoreTable, (kept, k): (&[DemoId], usize)) -> Result<Vec<Entry>> {
+    let panel::Opinion { ranking, uncertainty, .. } = sources.panel.deciding();
+    let variants = sources.task.specification().variants.len();
+    let under: Vec<Ranking> = match variants {
+        1 => Vec::new(),
+        count => (0..count).map(|variant| select::rank_under(scores, EnvVariant(variant))).collect(),
+    };
+    let entry = |entry: &select::Ranked| {
+        let demo = entry.demo;
+        let doubt = uncertainty.of(demo).ok_or_else(|| foreign(demo))?;
+        let gain = |ranking: &Ranking| {
+            ranking.entries.iter().find(|entry| entry.demo == demo).map_or(f64::NAN, |entry| entry.score)
+        };
+        let group = uncertainty.groups.iter().position(|group| group.contains(&demo));
+        Ok(Entry {
+            demo,
+            steps: sources.set.get(demo).steps(),
+            after: entry.after,
+            gain: entry.score,
+            low: doubt.low,
+            high: doubt.high,
+            improves: doubt.improves,
+            top: doubt.top.get(k - 1).copied().ok_or_else(|| foreign(demo))?,
+            group: 1 + group.ok_or_else(|| foreign(demo))?,
+            kept: kept.contains(&demo),
+            by_judge: sources
+                .panel
+                .opinions
+                .iter()
+                .map(|opinion| said(opinion, demo))
+                .collect::<Result<_>>()?,
+            by_variant: under.iter().map(gain).collect(),
+        })
+    };
+    ranking.entries.iter().map(entry).collect()
+}
+
+fn said(opinion: &panel::Opinion, demo: DemoId) -> Result<Said> {
+    let doubts = &opinion.uncertainty.demonstrations;
+    let place = doubts.iter().position(|doubt| doubt.demo == demo).ok_or_else(|| foreign(demo))?;
+    let doubt = &doubts[place];
+    Ok(Said { place: place + 1, gain: doubt.score, low: doubt.low, high: doubt.high })
+}
+
+fn foreign(demo: DemoId) -> Error {
+    Error::bad_input(format!("the uncertainty of the scores says nothing of demonstration {demo}"))
+}
+
+fn curve(judge: Judge, of: &Suitability) -> AdaptationCurve {
+    AdaptationCurve {
+        judge,
+        demo: of.demo,
+        variant: of.variant,
+        before: of.mean_before(),
+        after: of.mean_after(),
+        score: bands(&of.curves, |update| update.score),
+        accuracy: bands(&of.curves, |update| update.discriminator_accuracy),
+    }
+}
+
+/// A number of each update over the repeats, as far as every repeat has it.
+fn bands(curves: &[Vec<UpdateReport>], number: impl Fn(&UpdateReport) -> Option<f64>) -> Vec<Band> {
+    let updates = curves.iter().map(Vec::len).min().unwrap_or(0);
+    let band = |update: usize| {
+        let values: Option<Vec<f64>> = curves.iter().map(|curve| number(&curve[update])).collect();
+        values.map(|values| Band {
+            low: values.iter().copied().fold(f64::INFINITY, f64::min),
+            mean: metrics::mean(&values),
+            high: values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+        })
+    };
+    (0..updates).map_while(band).collect()
+}
+
+fn opinions(ranking: &Ranking, opinions: &DataOnly) -> Vec<Opinion> {
+    let gains: Vec<Score> = ranking.entries.iter().map(|entry| entry.score).collect();
+    let opinion = |column: &crate::results::data_only::Column| {
+        let scores: Vec<f64> = ranking.entries.iter().map(|entry| column.scores[entry.demo.0]).collect();
+        let spearman = Some(metrics::spearman(&gains, &scores)).filter(|value| value.is_finite());
+        let (name, meaning) = (column.name.clone(), column.meaning.clone());
+        Opinion { name, meaning, places: places(&scores), scores, spearman }
+    };
+    opinions.columns.iter().map(opinion).collect()
+}
+
+/// The place of each from 1, the highest first; those alike share the mean of their places.
+fn places(scores: &[f64]) -> Vec<f64> {
+    let place = |score: &f64| {
+        let better = scores.iter().filter(|other| *other > score).count();
+        let alike = scores.iter().filter(|other| *other == score).count();
+        better as f64 + (alike as f64 + 1.0) / 2.0
+    };
+    scores.iter().map(place).collect()
+}
+
+fn learning(ledger: &dyn Ledger, set: &DemonstrationSet) -> Result<Option<Learning>> {
+    let (subset, all) = (LearningCurve::recall(ledger, "subset")?, LearningCurve::recall(ledger, "all")?);
+    Ok(subset.zip(all).map(|(subset, all)| Learning {
+        gain: metrics::gain(&subset.outcome, &all.outcome),
+        is_all: subset.demos.len() == set.len(),
+        subset: subset.points,
+        all: all.points,
+        from_subset: subset.outcome,
+        from_all: all.outcome,
+    }))
+}
+
+fn trends(weighing: Weighing) -> WeightTrends {
+    let rounds = weighing.rounds.iter().map(|round| round.weights.iter().map(|(_, weight)| weight).collect());
+    WeightTrends { rounds: rounds.collect(), end: weighing.end, demos: weighing.demos }
+}
+
+fn played(costs: &Costs) -> Played {
+    let stages = costs.spent.iter().map(|(stage, spent)| (stage.clone(), spent.environment_steps));
+    Played { quota: costs.plan.quota, of_quota: costs.of_quota(), stages: stages.collect() }
+}
+
+#[cfg(test)]
+mod tests;

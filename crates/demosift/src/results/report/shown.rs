@@ -1,0 +1,107 @@
+//! Episodes of the agent to be looked at, before and after imitating each demonstration.
+//!
+//! They are not new ones: each is among the episodes that the scores are the mean of, played again from its seed.
+
+use crate::basics::error::{Error, Result};
+use crate::basics::seed::Seed;
+use crate::data::demonstration::DemoId;
+use crate::data::trajectory::StateLog;
+use crate::stages::judge::{self, Judged, Judging, ScoreTable};
+use crate::world::environment::EnvVariant;
+use crate::world::heuristic::Score;
+use crate::world::policy::Policy;
+use crate::world::rollout::{self, Playground};
+
+/// Whose episode it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// The agent before it imitated anything.
+    Before,
+    /// The agent after it imitated this demonstration.
+    After(DemoId),
+}
+
+/// One evaluation episode of the agent.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shown {
+    /// Whose.
+    pub part: Part,
+    /// e_j.
+    pub variant: EnvVariant,
+    /// Control steps that it lasted.
+    pub steps: usize,
+    /// Its own heuristic.
+    pub score: Score,
+    /// Whether it reached the task's goal, where the task says.
+    pub succeeded: Option<bool>,
+    /// The simulator's states, one a step.
+    pub states: StateLog,
+}
+
+/// For each variant the agent before, then the agent after each demonstration, on the most typical of the evaluation
+/// seeds; nothing where the task has no simulator.
+///
+/// `start` is the policy that the first repeats started from, and `seed` is that of judging.
+///
+/// # Errors
+/// `is_bad_input` if an episode does not score what it scored when it was judged: the task or the policies have changed.
+pub fn agent_episodes(
+    playground: &Playground<'_>,
+    start: &Policy,
+    judged: &Judged,
+    judging: &Judging,
+    seed: &Seed,
+) -> Result<Vec<Shown>> {
+    let Judged { scores, adapted } = judged;
+    let mut shown = Vec::new();
+    for variant in playground.specification().variant_ids() {
+        let evaluation = typical_evaluation(scores, variant);
+        let look = Look { playground, judging, variant, evaluation, seed };
+        for (of, adapted) in scores.suitabilities.iter().zip(adapted).filter(|(of, _)| of.variant == variant)
+        {
+            if shown.last().is_none_or(|last: &Shown| last.variant != variant) {
+                shown.extend(look.at(Part::Before, start, of.before[0][evaluation])?);
+            }
+            shown.extend(look.at(Part::After(of.demo), &adapted.policy, of.after[0][evaluation])?);
+        }
+    }
+    Ok(shown)
+}
+
+/// Which of the M evaluation seeds shows the mean scores best under a variant: the one where the first repeats' scores are,
+/// in all, the least away from their means; the first of those alike.
+pub fn typical_evaluation(scores: &ScoreTable, variant: EnvVariant) -> usize {
+    let under: Vec<_> = scores.suitabilities.iter().filter(|of| of.variant == variant).collect();
+    let evaluations = under.first().and_then(|of| of.before.first()).map_or(0, Vec::len);
+    let away = |evaluation: usize| -> f64 {
+        let before = under.first().map_or(0.0, |of| (of.before[0][evaluation] - of.mean_before()).abs());
+        before + under.iter().map(|of| (of.after[0][evaluation] - of.mean_after()).abs()).sum::<f64>()
+    };
+    (0..evaluations).min_by(|a, b| away(*a).total_cmp(&away(*b))).unwrap_or(0)
+}
+
+/// Where all episodes of a variant are looked at.
+struct Look<'a> {
+    playground: &'a Playground<'a>,
+    judging: &'a Judging,
+    variant: EnvVariant,
+    evaluation: usize,
+    seed: &'a Seed,
+}
+
+impl Look<'_> {
+    fn at(&self, part: Part, policy: &Policy, scored: Score) -> Result<Option<Shown>> {
+        let Self { playground, judging, variant, evaluation, seed } = *self;
+        let (played, seed) = judge::replay(playground, policy, judging, (variant, evaluation), seed)?;
+        let score = playground.score(&played);
+        if score != scored {
+            return Err(Error::bad_input(format!(
+                "an evaluation episode scores {score} now and scored {scored} when it was judged: the task has changed \
+                 since, or the policies of the run folder"
+            )));
+        }
+        let Some(states) = rollout::state_log(playground, &played, variant, &seed)? else { return Ok(None) };
+        let succeeded = playground.task().succeeded(played.measurements());
+        Ok(Some(Shown { part, variant, steps: played.steps(), score, succeeded, states }))
+    }
+}

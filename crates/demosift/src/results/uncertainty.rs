@@ -1,0 +1,503 @@
+//! How sure a judgment is: an interval of each score, the probability of belonging to the top K, and which
+//! demonstrations this budget cannot tell apart (not in the paper, which shows one ranking without a doubt in it).
+//!
+//! The judgment is drawn again many times from what was measured, and every statement is a share of those draws.
+//! Two things vary, and each is drawn as its number allows.
+//!
+//! | what varies | what is exchangeable | how it is drawn |
+//! |---|---|---|
+//! | evaluation episodes | the M evaluation seeds of a variant | bootstrap: M of them with replacement, the same for all demonstrations and for the agent before, so that luck in a reset falls on all alike |
+//! | adaptations, the larger noise | the repeats of one demonstration under one variant | Student's t with the spread of the repeats, for each demonstration by itself |
+//!
+//! Variants are the ones that the task has, and not a sample, so they are never drawn.
+//!
+//! Two repeats cannot be resampled: with replacement they have three outcomes, and the interval between the two
+//! covers the mean of many in half of all cases. So repeats are not bootstrapped but drawn from Student's t, and the
+//! spread of a demonstration's few repeats is drawn toward the mean spread of the set's
+//! (Smyth 2004, "Linear models and empirical Bayes methods", with a fixed weight in place of a fitted one).
+//! Adaptations share their random numbers between demonstrations too, but after the first update they go ways of
+//! their own, so they are drawn independently; where they do go together, differences are a little surer than said.
+//!
+//! **What is not in the intervals**: the meta-parameters are taken as they are.
+//! Meta-training again with another seed moves scores as well, and only another `--seed` shows how far.
+
+use rand::RngExt as _;
+use rand_distr::{Distribution, StudentT};
+use serde::{Deserialize, Serialize};
+
+use crate::basics::error::{Error, Result};
+use crate::basics::seed::{Rng, Seed};
+use crate::data::demonstration::DemoId;
+use crate::stages::judge::{ScoreTable, Suitability};
+use crate::world::environment::EnvVariant;
+use crate::world::heuristic::Score;
+
+/// How the judgment is drawn again; nothing of it is in the paper.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Resampling {
+    /// Draws; 4000 put a standard error of half a percent on a probability near 0.1 or 0.9.
+    pub draws: usize,
+    /// What counts as sure: the probability in an interval, and that with which groups and `--keep auto` are decided.
+    pub level: f64,
+    /// How many degrees of freedom the mean spread of the set's repeats is worth beside a demonstration's own.
+    pub pooling: f64,
+}
+
+impl Default for Resampling {
+    fn default() -> Self {
+        Self { draws: 4000, level: 0.9, pooling: 4.0 }
+    }
+}
+
+/// How sure a judgment is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Uncertainty {
+    /// The probability in each interval.
+    pub level: f64,
+    /// Whether a part of the noise could not be seen, so that intervals are too narrow; [`Uncertainty::caveat`] says why.
+    pub too_narrow: bool,
+    /// Adaptations per demonstration and variant; the least where some got more.
+    pub repeats: usize,
+    /// M.
+    pub evaluations: usize,
+    /// The demonstrations, the most suitable first, ties by id.
+    pub demonstrations: Vec<Doubt>,
+    /// For each K from 1: how probable it is that the first K are the K best.
+    pub top_set: Vec<f64>,
+    /// The same demonstrations in groups that this budget cannot tell apart: a group is led by the best demonstration
+    /// that is in no group yet, and holds those after it down to the first whose difference from the leader has an
+    /// interval without 0. Neighbors on two sides of a border may be as close as neighbors within a group.
+    pub groups: Vec<Vec<DemoId>>,
+}
+
+/// How sure the judgment of one demonstration is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Doubt {
+    /// v_i.
+    pub demo: DemoId,
+    /// S, the mean over variants (Eq. 8).
+    pub score: Score,
+    /// Lower end of the interval of S.
+    pub low: Score,
+    /// Upper end of the interval of S.
+    pub high: Score,
+    /// Probability that imitating it makes the agent better: that S > 0.
+    pub improves: f64,
+    /// Probability that it is nearer to the best of the set than to the median one.
+    pub near_best: f64,
+    /// For each K from 1: probability that it belongs to the K best; ties share the places that they compete for.
+    pub top: Vec<f64>,
+}
+
+impl Uncertainty {
+    /// Says why the intervals are too narrow, if they are.
+    pub fn caveat(&self) -> Option<String> {
+        let (what, key) = match (self.repeats, self.evaluations) {
+            (1, 1) => ("imitated once and evaluated on one episode", "judge.repeats and judge.evaluations"),
+            (1, _) => ("imitated once", "judge.repeats"),
+            (_, 1) => ("evaluated on one episode", "judge.evaluations"),
+            _ => return None,
+        };
+        Some(format!(
+            "Each demonstration was {what}, so what another try would change is not in these intervals and \
+             probabilities: they look surer than they are. With {key} of 2 or more they are honest."
+        ))
+    }
+
+    /// What is known of one demonstration.
+    pub fn of(&self, demo: DemoId) -> Option<&Doubt> {
+        self.demonstrations.iter().find(|doubt| doubt.demo == demo)
+    }
+
+    /// Which demonstrations to learn from, by their probabilities alone; the most suitable first, never none.
+    ///
+    /// The rule of `--keep auto`: a demonstration is kept if it surely makes the agent better, and is not surely nearer to
+    /// the median of the set than to its best, where sure is a probability of [`Uncertainty::level`].
+    /// The first half keeps out what does harm or nothing; the second keeps out the mediocre, and with a small budget,
+    /// which can rule out little, it keeps more rather than fewer.
+    /// Where nothing surely makes the agent better, the second half decides alone.
+    pub fn worth_keeping(&self) -> Vec<DemoId> {
+        let of = |doubts: Vec<&Doubt>| doubts.into_iter().map(|doubt| doubt.demo).collect::<Vec<_>>();
+        let near = of(self.demonstrations.iter().filter(|doubt| self.may_be_near_the_best(doubt)).collect());
+        let first = of(self.demonstrations.iter().take(1).collect());
+        [self.surely_helpful(), near, first].into_iter().find(|kept| !kept.is_empty()).unwrap_or_default()
+    }
+
+    /// What surely makes the agent better and is not surely nearer to the median of the set than to its best; none where
+    /// nothing surely helps.
+    pub fn surely_helpful(&self) -> Vec<DemoId> {
+        let improves = |doubt: &&Doubt| doubt.improves >= self.level && self.may_be_near_the_best(doubt);
+        self.demonstrations.iter().filter(improves).map(|doubt| doubt.demo).collect()
+    }
+
+    fn may_be_near_the_best(&self, doubt: &Doubt) -> bool {
+        doubt.near_best > 1.0 - self.level
+    }
+}
+
+/// Draws the judgment again and counts; the same table in another order gives the same bits.
+///
+/// # Errors
+/// Bad input if the table is not whole: every demonstration under every variant, with as many repeats and evaluations.
+///
+/// ```
+/// use demosift::data::demonstration::DemoId;
+/// use demosift::world::environment::EnvVariant;
+/// use demosift::stages::judge::{ScoreTable, Suitability};
+/// use demosift::basics::seed::Seed;
+/// use demosift::results::uncertainty::{Resampling, uncertainty};
+///
+/// // Imitated twice, and evaluated on two episodes each time.
+/// let found = |demo, after: [[f64; 2]; 2]| Suitability {
+///     demo: DemoId(demo),
+///     variant: EnvVariant(0),
+///     before: vec![vec![0.0, 0.2]],
+///     after: after.map(|scores| scores.to_vec()).to_vec(),
+///     distances: vec![0.0; 2],
+///     curves: vec![vec![]; 2],
+/// };
+/// let table = ScoreTable {
+///     suitabilities: vec![
+///         found(0, [[1.0, 1.2], [0.8, 1.1]]),
+///         found(1, [[0.0, 0.1], [0.1, 0.2]]),
+///         found(2, [[1.1, 1.3], [0.8, 1.0]]),
+///     ],
+/// };
+/// let found = uncertainty(&table, &Resampling::default(), &Seed::new(1))?;
+///
+/// // The first and the third made the agent better, and which of the two is better nobody knows after so few tries.
+/// assert_eq!(found.groups, [vec![DemoId(2), DemoId(0)], vec![DemoId(1)]]);
+/// assert_eq!(found.worth_keeping(), [DemoId(2), DemoId(0)]);
+/// let first = &found.demonstrations[0];
+/// assert!(first.low < first.score && first.score < first.high);
+/// assert!((0.3..0.8).contains(&first.top[0]), "to be the best: {}", first.top[0]);
+/// # Ok::<(), demosift::Error>(())
+/// ```
+pub fn uncertainty(table: &ScoreTable, resampling: &Resampling, seed: &Seed) -> Result<Uncertainty> {
+    let (judged, repeats, evaluations) = judged(table)?;
+    let draws = draw(&judged, evaluations, resampling, seed)?;
+    let top = top_probabilities(&draws);
+    let improves = share(&draws, |_| 0.0, |score, bar| score > bar);
+    let near_best = share(&draws, between_median_and_best, |score, bar| score >= bar);
+    let order = places(&judged);
+    let doubt = |&index: &usize| {
+        let (low, high) = interval(draws.iter().map(|draw| draw[index]).collect(), resampling.level);
+        Doubt {
+            demo: judged[index].demo,
+            score: judged[index].score,
+            low,
+            high,
+            improves: improves[index],
+            near_best: near_best[index],
+            top: top[index].clone(),
+        }
+    };
+    let top_set = top_set_probabilities(&draws, &order);
+    let demonstrations: Vec<Doubt> = order.iter().map(doubt).collect();
+    let groups = groups(&draws, &order, resampling.level);
+    let groups =
+        groups.into_iter().map(|group| group.into_iter().map(|index| judged[index].demo).collect()).collect();
+    let too_narrow = repeats == 1 || evaluations == 1;
+    let level = resampling.level;
+    Ok(Uncertainty { level, too_narrow, repeats, evaluations, demonstrations, top_set, groups })
+}
+
+/// What was measured of one demonstration.
+struct Judged {
+    demo: DemoId,
+    score: Score,
+    variants: Vec<UnderVariant>,
+}
+
+/// What was measured of one demonstration under one variant.
+struct UnderVariant {
+    /// After less before on each evaluation seed, the mean over repeats, `[M]`.
+    gains: Vec<Score>,
+    /// Squared deviations of the repeats' means from their mean, summed.
+    repeat_squares: f64,
+    /// How many repeats there were.
+    repeats: usize,
+}
+
+/// The table by demonstration, in an order that does not depend on ids, with the numbers of repeats and evaluations.
+fn judged(table: &ScoreTable) -> Result<(Vec<Judged>, usize, usize)> {
+    let suitabilities = &table.suitabilities;
+    let first = suitabilities.first().ok_or_else(|| Error::bad_input("the score table is empty"))?;
+    let repeats = suitabilities.iter().map(|of| of.after.len()).min().unwrap_or(0);
+    let evaluations = first.before.first().map_or(0, Vec::len);
+    if repeats == 0 || evaluations == 0 {
+        return Err(Error::bad_input(
+            "the score table holds no scores; at least 1 repeat and 1 evaluation are needed",
+        ));
+    }
+    let mut demos: Vec<DemoId> = suitabilities.iter().map(|suitability| suitability.demo).collect();
+    let mut variants: Vec<EnvVariant> = suitabilities.iter().map(|suitability| suitability.variant).collect();
+    demos.sort_unstable();
+    demos.dedup();
+    variants.sort_unstable();
+    variants.dedup();
+    let mut judged = Vec::with_capacity(demos.len());
+    for demo in demos {
+        let mut of_demo = Vec::with_capacity(variants.len());
+        for &variant in &variants {
+            let mut found = suitabilities.iter().filter(|s| s.demo == demo && s.variant == variant);
+            let (Some(one), None) = (found.next(), found.next()) else {
+                return Err(Error::bad_input(format!(
+                    "the score table must hold demonstration {demo} under variant {} exactly once",
+                    variant.0
+                )));
+            };
+            check_shape(one, evaluations)?;
+            of_demo.push(one);
+        }
+        let score = mean(&of_demo.iter().map(|s| s.score()).collect::<Vec<_>>());
+        judged.push(Judged { demo, score, variants: of_demo.into_iter().map(under_variant).collect() });
+    }
+    judged.sort_by(compare);
+    Ok((judged, repeats, evaluations))
+}
+
+fn check_shape(one: &Suitability, evaluations: usize) -> Result<()> {
+    if one.after.iter().chain(&one.before).all(|scores| scores.len() == evaluations) {
+        return Ok(());
+    }
+    Err(Error::bad_input(format!(
+        "the score table must hold {evaluations} evaluations in each repeat of each demonstration, and holds others for \
+         demonstration {}",
+        one.demo
+    )))
+}
+
+fn under_variant(suitability: &Suitability) -> UnderVariant {
+    let Suitability { before, after, .. } = suitability;
+    let at = |repeats: &[Vec<Score>], evaluation: usize| {
+        mean(&repeats.iter().map(|scores| scores[evaluation]).collect::<Vec<_>>())
+    };
+    let evaluations = before.first().map_or(0, Vec::len);
+    let repeats: Vec<f64> = after.iter().map(|scores| mean(scores)).collect();
+    UnderVariant {
+        gains: (0..evaluations).map(|evaluation| at(after, evaluation) - at(before, evaluation)).collect(),
+        repeat_squares: squares(&repeats),
+        repeats: repeats.len(),
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+fn squares(values: &[f64]) -> f64 {
+    let mean = mean(values);
+    values.iter().map(|value| (value - mean).powi(2)).sum()
+}
+
+/// By everything that was measured, so that the order of the demonstrations in the set does not count.
+fn compare(left: &Judged, right: &Judged) -> std::cmp::Ordering {
+    let numbers = |judged: &Judged| -> Vec<f64> {
+        let of = |under: &UnderVariant| {
+            [under.repeat_squares].into_iter().chain(under.gains.clone()).collect::<Vec<_>>()
+        };
+        [judged.score].into_iter().chain(judged.variants.iter().flat_map(of)).collect()
+    };
+    let (left, right) = (numbers(left), numbers(right));
+    let unequal = left.iter().zip(&right).map(|(left, right)| left.total_cmp(right));
+    unequal.into_iter().find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
+}
+
+/// The scores drawn again, `[draws][demonstrations]`.
+fn draw(
+    judged: &[Judged],
+    evaluations: usize,
+    resampling: &Resampling,
+    seed: &Seed,
+) -> Result<Vec<Vec<Score>>> {
+    let mut rng = seed.of("evaluations").into_rng();
+    let variants = judged[0].variants.len();
+    let mut draws = vec![judged.iter().map(|judged| judged.score).collect::<Vec<Score>>(); resampling.draws];
+    for draw in &mut draws {
+        for variant in 0..variants {
+            let picks: Vec<usize> = (0..evaluations).map(|_| rng.random_range(0..evaluations)).collect();
+            for (judged, score) in judged.iter().zip(draw.iter_mut()) {
+                *score += deviation(&judged.variants[variant].gains, &picks) / variants as f64;
+            }
+        }
+    }
+    add_repeats(&mut draws, judged, resampling, seed)?;
+    Ok(draws)
+}
+
+/// How far the mean of the picked gains lies from that of all.
+///
+/// A sample spreads less than what it was drawn from, by (M − 1)/M in variance, and that is made up for.
+fn deviation(gains: &[Score], picks: &[usize]) -> f64 {
+    let count = gains.len() as f64;
+    let picked = picks.iter().map(|&pick| gains[pick]).sum::<f64>() / count;
+    (picked - mean(gains)) * (count / (count - 1.0).max(1.0)).sqrt()
+}
+
+/// Adds what other adaptations would have changed, by Student's t for each demonstration; nothing where all were imitated
+/// once.
+fn add_repeats(
+    draws: &mut [Vec<Score>],
+    judged: &[Judged],
+    resampling: &Resampling,
+    seed: &Seed,
+) -> Result<()> {
+    let spreads: Vec<Spread> = judged.iter().map(Spread::of).collect();
+    let all_freedom: f64 = spreads.iter().map(|spread| spread.freedom).sum();
+    if all_freedom == 0.0 {
+        return Ok(());
+    }
+    let common = spreads.iter().map(|spread| spread.squares).sum::<f64>() / all_freedom;
+    let mut stream = 0;
+    for (index, spread) in spreads.iter().enumerate() {
+        // Demonstrations of which the same was measured are the same one twice, and stay level in every draw.
+        if index > 0 && compare(&judged[index - 1], &judged[index]).is_ne() {
+            stream = index;
+        }
+        let freedom = spread.freedom + resampling.pooling;
+        let student = StudentT::new(freedom).map_err(|error| {
+            Error::bad_config(format!(
+                "{freedom} degrees of freedom of the repeats, and there must be some: {error}"
+            ))
+        })?;
+        let mut rng: Rng = seed.of("repeats").at(stream).into_rng();
+        let moderated = (spread.squares + resampling.pooling * common) / freedom;
+        let error = (moderated * spread.share).sqrt();
+        draws.iter_mut().for_each(|draw| draw[index] += error * student.sample(&mut rng));
+    }
+    Ok(())
+}
+
+/// How the repeats of one demonstration lie about their means, all variants together.
+struct Spread {
+    /// Squared deviations, summed.
+    squares: f64,
+    /// Repeats beyond the first of each variant.
+    freedom: f64,
+    /// Variance of the mean over variants, for repeats of variance 1.
+    share: f64,
+}
+
+impl Spread {
+    fn of(judged: &Judged) -> Self {
+        let variants = judged.variants.len() as f64;
+        let of = |number: fn(&UnderVariant) -> f64| judged.variants.iter().map(number).sum::<f64>();
+        Self {
+            squares: of(|under| under.repeat_squares),
+            freedom: of(|under| under.repeats as f64 - 1.0),
+            share: of(|under| 1.0 / under.repeats as f64) / variants.powi(2),
+        }
+    }
+}
+
+/// The middle part of some draws that holds `level` of them.
+fn interval(mut draws: Vec<f64>, level: f64) -> (f64, f64) {
+    draws.sort_unstable_by(f64::total_cmp);
+    let at = |share: f64| {
+        let place = share * (draws.len() as f64 - 1.0);
+        let (below, above) = (draws[place.floor() as usize], draws[place.ceil() as usize]);
+        below + (above - below) * place.fract()
+    };
+    (at((1.0 - level) / 2.0), at((1.0 + level) / 2.0))
+}
+
+/// For each demonstration the share of draws in which its score passes the bar that the draw sets.
+fn share(
+    draws: &[Vec<Score>],
+    bar: impl Fn(&[Score]) -> Score,
+    passes: impl Fn(Score, Score) -> bool,
+) -> Vec<f64> {
+    let mut counts = vec![0.0; draws[0].len()];
+    for draw in draws {
+        let bar = bar(draw);
+        counts.iter_mut().zip(draw).for_each(|(count, score)| *count += f64::from(passes(*score, bar)));
+    }
+    counts.into_iter().map(|count| count / draws.len() as f64).collect()
+}
+
+/// Half of the way from the median of the scores to the best.
+fn between_median_and_best(scores: &[Score]) -> Score {
+    let best = scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let mut scores = scores.to_vec();
+    let (lower, middle) = ((scores.len() - 1) / 2, scores.len() / 2);
+    let (below, upper, _) = scores.select_nth_unstable_by(middle, f64::total_cmp);
+    let lower = if lower < middle { below.iter().copied().fold(f64::NEG_INFINITY, f64::max) } else { *upper };
+    let median = (lower + *upper) / 2.0;
+    (median + best) / 2.0
+}
+
+/// For each demonstration and each K from 1 the share of draws in which it is among the K best.
+fn top_probabilities(draws: &[Vec<Score>]) -> Vec<Vec<f64>> {
+    let count = draws[0].len();
+    let mut at_place = vec![vec![0.0; count]; count];
+    let mut order: Vec<usize> = (0..count).collect();
+    for draw in draws {
+        order.sort_unstable_by(|&a, &b| draw[b].total_cmp(&draw[a]));
+        let mut first = 0;
+        for tied in order.chunk_by(|&a, &b| draw[a] == draw[b]) {
+            let places = first..first + tied.len();
+            for &demonstration in tied {
+                let share = 1.0 / tied.len() as f64;
+                at_place[demonstration][places.clone()].iter_mut().for_each(|place| *place += share);
+            }
+            first = places.end;
+        }
+    }
+    let cumulated = |places: Vec<f64>| {
+        let sums = places.into_iter().scan(0.0, |sum, share| {
+            *sum += share;
+            Some(*sum)
+        });
+        sums.map(|sum| sum / draws.len() as f64).collect()
+    };
+    at_place.into_iter().map(cumulated).collect()
+}
+
+/// Indices from the most to the least suitable, ties by id.
+fn places(judged: &[Judged]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..judged.len()).collect();
+    order.sort_by(|&a, &b| {
+        judged[b].score.total_cmp(&judged[a].score).then(judged[a].demo.cmp(&judged[b].demo))
+    });
+    order
+}
+
+/// For each K from 1 the share of draws in which all of the first K are above all others.
+fn top_set_probabilities(draws: &[Vec<Score>], order: &[usize]) -> Vec<f64> {
+    let mut counts = vec![0.0; order.len()];
+    for draw in draws {
+        let mut best_below = vec![f64::NEG_INFINITY; order.len() + 1];
+        for (place, &demonstration) in order.iter().enumerate().rev() {
+            best_below[place] = best_below[place + 1].max(draw[demonstration]);
+        }
+        let mut worst_above = f64::INFINITY;
+        for (place, &demonstration) in order.iter().enumerate() {
+            worst_above = worst_above.min(draw[demonstration]);
+            counts[place] += f64::from(worst_above > best_below[place + 1]);
+        }
+    }
+    counts.into_iter().map(|count| count / draws.len() as f64).collect()
+}
+
+/// Walks down the ranking and begins a group at each demonstration that can be told from the leader of the last one.
+///
+/// Chaining neighbors that cannot be told apart would put a whole ranking into one group as soon as its steps are
+/// small, however far its ends are apart.
+fn groups(draws: &[Vec<Score>], order: &[usize], level: f64) -> Vec<Vec<usize>> {
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for &demonstration in order {
+        let is_worse = |leader: usize| {
+            let differences = draws.iter().map(|draw| draw[leader] - draw[demonstration]).collect();
+            interval(differences, level).0 > 0.0
+        };
+        match groups.last_mut() {
+            Some(group) if !is_worse(group[0]) => group.push(demonstration),
+            _ => groups.push(vec![demonstration]),
+        }
+    }
+    groups
+}
+
+#[cfg(test)]
+mod tests;

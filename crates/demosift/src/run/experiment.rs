@@ -1,0 +1,356 @@
+//! The whole flow as one function: a noisy set goes in; a ranking, a subset and a better policy come out.
+//!
+//! Each arrow of the flow makes one noun, and a [`Ledger`] keeps the nouns: what a ledger already holds is not made
+//! again, and what was begun goes on from its last checkpoint to the identical result.
+//!
+//! [`sift`] is the whole job, shown on the first page of this crate; its stages can be taken one by one:
+//!
+//! ```
+//! use demosift::run::experiment::{Run, panel, scores, selection};
+//! use demosift::basics::ledger::InMemory;
+//! use demosift::basics::observer::Silent;
+//! use demosift::world::point_mass::{PointMass, planted_set};
+//! use demosift::run::preset::Preset;
+//! use demosift::world::rollout::Playground;
+//! use demosift::basics::seed::Seed;
+//! use demosift::results::panel::Judge;
+//! use demosift::stages::select::Keep;
+//!
+//! let (set, task) = (planted_set(&[150.0, 5.0, -120.0, -10.0], Seed::new(1))?, PointMass::new());
+//! let playground = Playground::new(&task);
+//! let mut config = Preset::Quick.config();
+//! (config.meta_train.rounds, config.keep, config.inner.alphas) = (4, Keep::Count(2), vec![1.0, 0.5]);
+//! (config.inner.batch_steps, config.judge.iterations, config.judge.averaged) = (600, 8, 3);
+//! let mut run = Run {
+//!     set: &set,
+//!     playground: &playground,
+//!     config: &config,
+//!     ledger: &mut InMemory::default(),
+//!     observer: &mut Silent,
+//! };
+//!
+//! let table = scores(&mut run, Judge::Paper)?; // Algorithms 1 and 2
+//! let said = panel(&mut run)?; // both judges beside each other
+//! let selected = selection(&mut run, &said)?; // Eq. 9
+//! assert!(selected.subset.demos.iter().all(|demo| [1, 3].contains(&demo.0)));
+//!
+//! // The ledger has all of it now, so asking again plays nothing.
+//! let played = playground.steps_taken();
+//! assert_eq!(scores(&mut run, Judge::Paper)?, table);
+//! assert_eq!(playground.steps_taken(), played);
+//! # Ok::<(), demosift::Error>(())
+//! ```
+
+mod checks;
+mod judging;
+mod keeping;
+mod verdict;
+
+use serde::{Deserialize, Serialize};
+
+use crate::basics::error::Result;
+use crate::basics::ledger::Ledger;
+use crate::basics::observer::Observer;
+use crate::basics::seed::Seed;
+use crate::data::demonstration::{DemoId, DemonstrationSet};
+use crate::learning::adapt::{InnerUpdate, MetaPrior};
+use crate::learning::behavioral_cloning::Cloning;
+use crate::results::artifact::{Artifact, onnx};
+use crate::results::data_only::{self, DataOnly};
+use crate::results::panel::{Judge, Judges, Opinion, Panel};
+use crate::results::uncertainty::Uncertainty;
+use crate::stages::imitate::{self, Imitation, ImitationState, LearningCurve};
+use crate::stages::judge::{self, Judging};
+use crate::stages::meta_train::{MetaTraining, MutualInformation};
+use crate::stages::method::{Costs, Method, Spent};
+use crate::stages::referee::{self, KEPT, NamedSubset, Refereeing, Verdict};
+use crate::stages::select::{self, Keep, Ranking, Subset};
+use crate::stages::subset_selection::{self, Means, SubsetSelection, Weighing, WeighingState};
+use crate::world::policy::PolicyShape;
+use crate::world::rollout::Playground;
+
+pub use checks::{check, check_demonstrator, check_fits, check_has_weights};
+pub use judging::{
+    check_budget, first_start, hand_on, judging, judging_seed, opinion, panel, plan, prior, scores,
+};
+pub(crate) use judging::{cloning_update, information, learning_seed};
+pub use keeping::Keeping;
+pub(crate) use keeping::{begun, stage_name};
+pub(crate) use verdict::rest as rest_of_verdict;
+pub use verdict::{BEST, verdict};
+
+/// Everything that a run depends on, besides the demonstrations and the task.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// The root of all random numbers.
+    pub seed: u64,
+    /// How the parameters are made that judging adapts.
+    pub method: Method,
+    /// Which judges are asked.
+    pub judges: Judges,
+    /// How many demonstrations to keep.
+    pub keep: Keep,
+    /// The policy's shape, in meta-training and from scratch.
+    pub policy: PolicyShape,
+    /// The inner update, in meta-training and in judging.
+    pub inner: InnerUpdate,
+    /// Meta-training.
+    pub meta_train: MetaTraining,
+    /// How meta-training is regularized by mutual information, where the method is `maml-mi`.
+    pub mutual_information: MutualInformation,
+    /// Judging by the paper's judge.
+    pub judge: Judging,
+    /// Judging by behavioral cloning.
+    pub cloning_judge: CloningJudge,
+    /// Selection of a subset by weights (Algorithm 3), where it is asked for.
+    pub subset_selection: SubsetSelection,
+    /// Imitation from scratch.
+    pub imitate: Imitation,
+    /// How often final policies are trained to say whether selecting helps.
+    pub referee: Refereeing,
+}
+
+/// How demonstrations are judged by behavioral cloning from scratch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CloningJudge {
+    /// How long, how often and on what it is evaluated.
+    pub judging: Judging,
+    /// The update.
+    pub cloning: Cloning,
+}
+
+/// What a run is about, and where it keeps and tells what it finds.
+pub struct Run<'a> {
+    /// V.
+    pub set: &'a DemonstrationSet,
+    /// The task at play.
+    pub playground: &'a Playground<'a>,
+    /// How.
+    pub config: &'a Config,
+    /// Keeps the nouns.
+    pub ledger: &'a mut dyn Ledger,
+    /// Hears of progress.
+    pub observer: &'a mut dyn Observer,
+}
+
+/// What comes out of the whole flow.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sifted {
+    /// What each judge says.
+    pub panel: Panel,
+    /// What was concluded from it.
+    pub selection: Selection,
+    /// What scorers of the recorded data alone say; beside the ranking, never in it.
+    pub data_only: DataOnly,
+    /// What to train on, by which imitator, and whether selecting helps.
+    pub verdict: Verdict,
+}
+
+/// What is concluded from the judges' scores.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Selection {
+    /// From the most to the least suitable, by the judge that decides.
+    pub ranking: Ranking,
+    /// How sure that judge is.
+    pub uncertainty: Uncertainty,
+    /// What is kept.
+    pub subset: Subset,
+}
+
+/// The whole job.
+pub fn sift(run: &mut Run<'_>) -> Result<Sifted> {
+    check(run.set, run.playground.specification(), run.config)?;
+    let panel = panel(run)?;
+    let data_only = data_only(run)?;
+    let selection = selection(run, &panel)?;
+    let verdict = verdict(run, &worth_training_on(run, &panel, &selection)?)?;
+    Ok(Sifted { panel, selection, data_only, verdict })
+}
+
+/// The random numbers of the selection by weights.
+pub(crate) fn weighing_seed(config: &Config) -> Seed {
+    Seed::new(config.seed).of(subset_selection::STAGE)
+}
+
+/// MetaPrior → Weighing: a subset by weights (Algorithm 3), with the trends of the weights.
+pub fn weighing(run: &mut Run<'_>, prior: &MetaPrior) -> Result<Weighing> {
+    if let Some(weighing) = Artifact::recall(run.ledger, "")? {
+        return Ok(weighing);
+    }
+    check_has_weights(run.config.method)?;
+    let Run { set, playground, config, ledger, observer } = run;
+    let seed = weighing_seed(config);
+    let start = || Ok(WeighingState::start(set, prior.clone(), information(config), &seed.of("start")));
+    let stage = subset_selection::STAGE;
+    let (state, mut keeping) = Keeping::begin((*ledger, *observer), playground, stage, "", start)?;
+    let means = Means {
+        selection: &config.subset_selection,
+        training: &config.meta_train,
+        inner: &config.inner,
+        information: &config.mutual_information,
+        judging: &config.judge,
+    };
+    let weighing = subset_selection::select_subset(set, playground, &means, state, &seed, &mut keeping)?;
+    keeping.finish("", &weighing)?;
+    Ok(weighing)
+}
+
+/// What the stages that the ledger holds have really played, beside the budget of the run's method.
+pub fn costs(run: &Run<'_>) -> Result<Costs> {
+    let method = run.config.method;
+    let judges = [Judge::Cloning, Judge::Paper].map(|judge| stage_name(judge::STAGE, judge.name()));
+    let [cloning, judging] = judges;
+    let before = method.stage().map(str::to_owned);
+    let stages =
+        [cloning].into_iter().chain(before).chain([judging.clone(), subset_selection::STAGE.to_owned()]);
+    let imitations = ["subset", "all"].map(|part| stage_name(imitate::STAGE, part));
+    let recall = |stage: String| Ok(Spent::recall(run.ledger, &stage)?.map(|spent| (stage, spent)));
+    let stages = stages.chain(imitations).chain([referee::STAGE.to_owned()]);
+    let spent = stages.filter_map(|stage| recall(stage).transpose());
+    Ok(Costs { method, plan: plan(run), judging, spent: spent.collect::<Result<_>>()? })
+}
+
+/// What scorers of the recorded data alone say of the set; nothing of it enters a ranking.
+pub fn data_only(run: &mut Run<'_>) -> Result<DataOnly> {
+    if let Some(found) = Artifact::recall(run.ledger, "")? {
+        return Ok(found);
+    }
+    let found = data_only::data_only(run.set)?;
+    found.keep(run.ledger, "")?;
+    Ok(found)
+}
+
+/// K of the top K that is to be kept, as far as it is known before judging.
+pub(crate) fn cut(run: &Run<'_>) -> usize {
+    run.config.keep.count_before_judging(run.set.len())
+}
+
+/// The name of what the selection by weights kept.
+const BY_WEIGHTS: &str = "kept by weights";
+/// The name of what `--keep auto` would keep.
+const SURELY_HELPS: &str = "surely helping";
+
+/// What final policies could be trained on: what each judge keeps, and what by the one that decides surely helps.
+pub fn worth_training_on(run: &Run<'_>, panel: &Panel, selection: &Selection) -> Result<Vec<NamedSubset>> {
+    let mut by_others = Vec::new();
+    for opinion in panel.others().filter(|_| run.config.keep != Keep::Weights) {
+        let demos = kept(run, opinion)?.demos;
+        by_others.push(NamedSubset::new(&format!("{KEPT} by {}", as_keeper(opinion.judge)), &demos));
+    }
+    by_others.retain(|other| !is_same(&other.demos, &selection.subset.demos));
+    let name = match (run.config.keep, panel.opinions.len(), by_others.len()) {
+        (Keep::Weights, ..) => BY_WEIGHTS.to_owned(),
+        (_, 1, _) => KEPT.to_owned(),
+        (_, _, 0) => format!("{KEPT} by both"),
+        _ => format!("{KEPT} by {}", as_keeper(panel.decides)),
+    };
+    let mut subsets = vec![NamedSubset::new(&name, &selection.subset.demos)];
+    subsets.extend(by_others);
+    let surely = panel.deciding().uncertainty.surely_helpful();
+    if !surely.is_empty() && !subsets.iter().any(|known| is_same(&known.demos, &surely)) {
+        subsets.push(NamedSubset::new(SURELY_HELPS, &surely));
+    }
+    Ok(subsets)
+}
+
+/// A judge in the name of what it keeps.
+fn as_keeper(judge: Judge) -> &'static str {
+    match judge {
+        Judge::Cloning => "cloning",
+        Judge::Paper => "the paper's judge",
+    }
+}
+
+/// Whether both hold the same demonstrations, in whatever order.
+fn is_same(one: &[DemoId], other: &[DemoId]) -> bool {
+    one.len() == other.len() && one.iter().all(|demo| other.contains(demo))
+}
+
+/// What a judge would keep, where not weights decide.
+fn kept(run: &Run<'_>, opinion: &Opinion) -> Result<Subset> {
+    match run.config.keep {
+        Keep::Auto => Ok(Subset { demos: opinion.uncertainty.worth_keeping() }),
+        _ => select::top_k(&opinion.ranking, cut(run)),
+    }
+}
+
+/// Panel → Ranking, Uncertainty, Subset: what the judge that decides would keep.
+pub fn selection(run: &mut Run<'_>, panel: &Panel) -> Result<Selection> {
+    let Opinion { ranking, uncertainty, .. } = panel.deciding().clone();
+    let subset = match run.config.keep {
+        Keep::Quarter | Keep::Count(_) | Keep::Auto => kept(run, panel.deciding())?,
+        Keep::Weights => {
+            let prior = prior(run)?;
+            Subset { demos: weighing(run, &prior)?.demos }
+        }
+    };
+    ranking.keep(run.ledger, "")?;
+    uncertainty.keep(run.ledger, "")?;
+    subset.keep(run.ledger, "")?;
+    Ok(Selection { ranking, uncertainty, subset })
+}
+
+/// Subset → LearningCurve; `part` names it among others, such as `subset` or `all`.
+///
+/// Every part starts from the same policy and plays with the same random numbers; a subset is imitated in the order of the
+/// set, so that how it was ranked does not matter.
+pub fn learning_curve(run: &mut Run<'_>, part: &str, demos: &[DemoId]) -> Result<LearningCurve> {
+    let seed = Seed::new(run.config.seed).of("imitate");
+    let mut demos = demos.to_vec();
+    demos.sort_unstable();
+    learning_curve_with(run, part, &demos, &seed)
+}
+
+/// The oracle (from scratch on one demonstration alone) with a seed of its own, which no other stage shares.
+pub fn oracle(run: &mut Run<'_>, demo: DemoId, repeat: usize) -> Result<LearningCurve> {
+    let seed = Seed::new(run.config.seed).of("oracle").at(repeat);
+    learning_curve_with(run, &oracle_part(demo, repeat), &[demo], &seed)
+}
+
+/// Under which name the oracle's imitations are kept.
+pub(crate) fn oracle_part(demo: DemoId, repeat: usize) -> String {
+    format!("oracle_{demo}_{repeat}")
+}
+
+/// From scratch on a random subset of so many demonstrations, with the random numbers of the kept one; `number` tells
+/// several apart.
+pub fn random_subset(run: &mut Run<'_>, size: usize, number: usize) -> Result<LearningCurve> {
+    use rand::seq::IndexedRandom;
+    let mut rng = Seed::new(run.config.seed).of("random_subset").at(number).into_rng();
+    let demos: Vec<DemoId> = run.set.ids().sample(&mut rng, size).copied().collect();
+    learning_curve(run, &random_part(number), &demos)
+}
+
+/// Under which name the imitations of random subsets are kept.
+pub(crate) fn random_part(number: usize) -> String {
+    format!("random_{number}")
+}
+
+fn learning_curve_with(
+    run: &mut Run<'_>,
+    part: &str,
+    demos: &[DemoId],
+    seed: &Seed,
+) -> Result<LearningCurve> {
+    let Run { set, playground, config, ledger, observer } = run;
+    if let Some(curve) = LearningCurve::recall(*ledger, part)?
+        && curve.demos == demos
+    {
+        // Again, in case that the run was killed between the two.
+        onnx::keep_policy(*ledger, part, &curve.best, playground.specification())?;
+        return Ok(curve);
+    }
+    let imitation = &config.imitate;
+    let start = || Ok(ImitationState::start((set, demos), &config.policy, imitation, &seed.of("start")));
+    let (mut state, mut keeping) =
+        Keeping::begin((*ledger, *observer), playground, imitate::STAGE, part, start)?;
+    if state.demos() != demos {
+        state = start()?;
+    }
+    let curve = imitate::imitate(set, playground, imitation, state, seed, (part, &mut keeping))?;
+    keeping.finish(part, &curve)?;
+    onnx::keep_policy(*ledger, part, &curve.best, playground.specification())?;
+    Ok(curve)
+}

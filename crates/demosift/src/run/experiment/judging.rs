@@ -1,0 +1,198 @@
+//! DemonstrationSet → MetaPrior → ScoreTable → Panel: each judge that is asked, and what they say together.
+
+use super::{Config, Keeping, Run, cut, stage_name};
+use crate::basics::error::{Error, Result};
+use crate::basics::ledger::Ledger;
+use crate::basics::seed::Seed;
+use crate::data::demonstration::DemonstrationSet;
+use crate::learning::adapt::{InnerUpdate, Learner, MetaPrior, Rule};
+use crate::results::artifact::Artifact;
+use crate::results::panel::{self, Found, Judge, Judges, Opinion, Panel};
+use crate::stages::judge::{self, Judged, Judging, JudgingState, ScoreTable, Start, Trial};
+use crate::stages::meta_train::{self, MetaState, MetaTraining, MutualInformation};
+use crate::stages::method::{self, Asked, Method, Plan};
+use crate::stages::pre_train::{self, PreTrainState, PreTraining};
+use crate::world::environment::EnvVariant;
+use crate::world::policy::Policy;
+use crate::world::rollout::Playground;
+
+/// How the run's method spends its budget.
+pub fn plan(run: &Run<'_>) -> Plan {
+    let Run { set, playground, config, .. } = run;
+    method::plan(config.method, set, playground, &asked(config), &learning_seed(config))
+}
+
+/// Whether the budget of the run's method pays for any learning; the error says what would.
+pub fn check_budget(set: &DemonstrationSet, playground: &Playground<'_>, config: &Config) -> Result<()> {
+    method::check_budget(config.method, set, playground, &asked(config), &learning_seed(config))
+}
+
+fn asked(config: &Config) -> Asked<'_> {
+    let Config { meta_train, inner, mutual_information, judge, .. } = config;
+    Asked { training: meta_train, inner, information: mutual_information, judging: judge }
+}
+
+pub(crate) fn learning_seed(config: &Config) -> Seed {
+    Seed::new(config.seed).of("meta_train")
+}
+
+/// Mutual information, where the method has any.
+pub(crate) fn information(config: &Config) -> Option<&MutualInformation> {
+    (config.method == Method::MamlMi).then_some(&config.mutual_information)
+}
+
+/// DemonstrationSet → MetaPrior, by the run's method.
+pub fn prior(run: &mut Run<'_>) -> Result<MetaPrior> {
+    if let Some(prior) = Artifact::recall(run.ledger, "")? {
+        return Ok(prior);
+    }
+    check_budget(run.set, run.playground, run.config)?;
+    let config = run.config;
+    let seed = learning_seed(config);
+    let hidden = &config.meta_train.discriminator_hidden;
+    let untrained = Learner::untrained(run.set, &config.policy, hidden, &seed.of("start"));
+    match config.method {
+        Method::Maml | Method::MamlMi => meta_trained(run, untrained, &seed),
+        Method::AvgFineTune => pre_trained(run, untrained, &seed),
+        Method::FromScratch => {
+            untrained.keep(run.ledger, "")?;
+            Ok(untrained)
+        }
+    }
+}
+
+/// Algorithm 1.
+fn meta_trained(run: &mut Run<'_>, untrained: Learner, seed: &Seed) -> Result<MetaPrior> {
+    let training = MetaTraining { rounds: plan(run).updates, ..run.config.meta_train.clone() };
+    let Run { set, playground, config, ledger, observer } = run;
+    let start = || Ok(MetaState::from_prior(set, untrained, information(config), &seed.of("start")));
+    let (state, mut keeping) =
+        Keeping::begin((*ledger, *observer), playground, meta_train::STAGE, "", start)?;
+    let learning = (&training, &config.inner, &config.mutual_information);
+    let prior = meta_train::meta_train(set, playground, learning, state, seed, &mut keeping)?.prior;
+    keeping.finish("", &prior)?;
+    Ok(prior)
+}
+
+/// Imitation of the entire set (§5, Avg Fine-Tune).
+fn pre_trained(run: &mut Run<'_>, untrained: Learner, seed: &Seed) -> Result<MetaPrior> {
+    let updates = plan(run).updates;
+    let Run { set, playground, config, ledger, observer } = run;
+    let start = || Ok(PreTrainState::start(untrained, &config.inner));
+    let (state, mut keeping) = Keeping::begin((*ledger, *observer), playground, pre_train::STAGE, "", start)?;
+    let checkpoint_every = config.meta_train.checkpoint_every;
+    let training = PreTraining { updates, inner: &config.inner, checkpoint_every };
+    let prior = pre_train::pre_train(set, playground, training, state, seed, &mut keeping)?;
+    keeping.finish("", &prior)?;
+    Ok(prior)
+}
+
+/// The inner update of the judge by behavioral cloning.
+pub(crate) fn cloning_update(config: &Config) -> InnerUpdate {
+    InnerUpdate {
+        imitation: Rule::BehavioralCloning,
+        alphas: vec![1.0],
+        cloning: config.cloning_judge.cloning.clone(),
+        ..config.inner.clone()
+    }
+}
+
+/// DemonstrationSet → ScoreTable, by one judge; that of the paper learns its prior first.
+pub fn scores(run: &mut Run<'_>, judge: Judge) -> Result<ScoreTable> {
+    if let Some(Judged { scores, .. }) = Artifact::recall(run.ledger, judge.name())? {
+        return Ok(scores);
+    }
+    match judge {
+        Judge::Cloning => {
+            let (start, inner) = (untrained(run.config), cloning_update(run.config));
+            judged(run, judge, start, &inner)
+        }
+        Judge::Paper => {
+            let prior = prior(run)?;
+            judged(run, judge, Start::Prior(&prior), &run.config.inner)
+        }
+    }
+}
+
+/// How a judge judges; that of the paper makes as many updates as its method's budget pays for.
+pub fn judging(run: &Run<'_>, judge: Judge) -> Judging {
+    match judge {
+        Judge::Cloning => run.config.cloning_judge.judging.clone(),
+        Judge::Paper => Judging { iterations: plan(run).iterations, ..run.config.judge.clone() },
+    }
+}
+
+/// The policy from which the first repeats of a judge start.
+///
+/// # Errors
+/// Bad input if the prior is gone that the judge of the paper started from.
+pub fn first_start(run: &Run<'_>, judge: Judge) -> Result<Policy> {
+    let seed = judging_seed(run.config, judge);
+    let policy = |start: Start<'_>| start.learner(run.set, 0, &seed).policy.clone();
+    match judge {
+        Judge::Cloning => Ok(policy(untrained(run.config))),
+        Judge::Paper => {
+            let prior = MetaPrior::recall(run.ledger, "")?
+                .ok_or_else(|| Error::bad_input("the run folder holds no prior.safetensors any more"))?;
+            Ok(policy(Start::Prior(&prior)))
+        }
+    }
+}
+
+/// From what the judge by cloning starts.
+fn untrained(config: &Config) -> Start<'_> {
+    Start::Untrained { shape: &config.policy, discriminator_hidden: &config.meta_train.discriminator_hidden }
+}
+
+/// Algorithm 2.
+fn judged(run: &mut Run<'_>, judge: Judge, start: Start<'_>, inner: &InnerUpdate) -> Result<ScoreTable> {
+    let judging = &judging(run, judge);
+    let (cut, part, seed) = (cut(run), judge.name(), judging_seed(run.config, judge));
+    let Run { set, playground, ledger, observer, .. } = run;
+    let anew = || Ok(JudgingState::default());
+    let (mut state, mut keeping) =
+        Keeping::begin((*ledger, *observer), playground, judge::STAGE, part, anew)?;
+    let trial = Trial { set, playground, start, inner, judging, cut, part, seed: &seed };
+    let judged = judge::judge(&trial, &mut state, &mut keeping)?;
+    keeping.finish_having(state.played(), part, &judged)?;
+    Ok(judged.scores)
+}
+
+/// The random numbers of a judge.
+pub fn judging_seed(config: &Config, judge: Judge) -> Seed {
+    Seed::new(config.seed).of(&stage_name(judge::STAGE, judge.name()))
+}
+
+/// Gives a run about one goal what a run about all of them has found out: the prior, and what each judge found under this
+/// goal (Eq. 9 is taken per goal). What the run about one goal has already stays.
+pub fn hand_on(from: &dyn Ledger, to: &mut dyn Ledger, goal: EnvVariant) -> Result<()> {
+    if let (Some(prior), None) = (MetaPrior::recall(from, "")?, MetaPrior::recall(to, "")?) {
+        prior.keep(to, "")?;
+    }
+    for judge in Judges::Both.each() {
+        let name = judge.name();
+        if let (Some(judged), None) = (Judged::recall(from, name)?, Judged::recall(to, name)?) {
+            judged.under(goal).keep(to, name)?;
+        }
+    }
+    Ok(())
+}
+
+/// What the judges say that are asked; whoever has not judged yet does it now.
+pub fn panel(run: &mut Run<'_>) -> Result<Panel> {
+    let panel = panel_of(run, run.config.judges.each())?;
+    panel.keep(run.ledger, "")?;
+    Ok(panel)
+}
+
+/// What one judge says.
+pub fn opinion(run: &mut Run<'_>, judge: Judge) -> Result<Opinion> {
+    Ok(panel_of(run, &[judge])?.deciding().clone())
+}
+
+fn panel_of(run: &mut Run<'_>, judges: &[Judge]) -> Result<Panel> {
+    let tables = judges.iter().map(|judge| scores(run, *judge)).collect::<Result<Vec<_>>>()?;
+    let found: Vec<Found<'_>> =
+        judges.iter().zip(&tables).map(|(&judge, scores)| Found { judge, scores }).collect();
+    panel::panel(&found, cut(run), &Seed::new(run.config.seed).of("panel"))
+}

@@ -1,0 +1,460 @@
+//! What is still to be done, by counting; the minutes are left to [`super`].
+
+use serde::Serialize;
+
+use super::By;
+use crate::basics::error::Result;
+use crate::basics::ledger::Ledger;
+use crate::data::demonstration::DemoId;
+use crate::learning::adapt::{Learner, Rule};
+use crate::results::artifact::Artifact;
+use crate::results::panel::{Judge, Opinion, Panel};
+use crate::results::recording;
+use crate::run::experiment::{self, Run, Selection, begun, stage_name};
+use crate::stages::demonstrator::{self, DemonstratorState, Stage};
+use crate::stages::imitate::{self, ImitationState, LearningCurve};
+use crate::stages::judge::{self, Cost, Judged, JudgingState};
+use crate::stages::meta_train::{self, MetaState, MetaTraining};
+use crate::stages::method::Method;
+use crate::stages::pre_train::{self, PreTrainState};
+use crate::stages::referee::{self, DECISIVE, Meant, NamedSubset, imitation_by};
+use crate::stages::select::{Keep, Subset};
+use crate::stages::subset_selection::{self, Weighing, WeighingState};
+use crate::world::rollout::Playground;
+
+/// How far along the flow a command goes.
+#[derive(Clone, Copy, Debug)]
+pub enum Goal<'a> {
+    /// The meta-parameters.
+    Prior,
+    /// The scores.
+    Scores,
+    /// The subset that is kept.
+    Selection,
+    /// The subset by weights.
+    Weighing,
+    /// The policy from the subset beside that from all, by one training each.
+    Comparison,
+    /// What the referee says.
+    Verdict,
+    /// The policy from the subset and that from all, after all was judged elsewhere.
+    OneTraining,
+    /// The final policies alone, after all was judged elsewhere.
+    Referee,
+    /// One policy from these demonstrations, under the name of its part.
+    Policy(&'a str, &'a [DemoId]),
+    /// Each demonstration alone so often, and so many random subsets.
+    Oracle {
+        /// How often.
+        repeats: usize,
+        /// How many.
+        random: usize,
+    },
+}
+
+/// A stage that is still to be done, or the rest of it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Planned {
+    /// Its name, as in [`crate::stages::method::Costs`].
+    pub stage: String,
+    /// Environment steps that it will play, evaluations among them, where episodes last to the horizon.
+    pub environment_steps: u64,
+    /// Updates that it will make: rounds of meta-training, and steps of policies elsewhere.
+    pub updates: u64,
+    /// Whether it may end earlier.
+    pub at_most: bool,
+    #[serde(skip)]
+    pub(super) pieces: Vec<(Piece, f64)>,
+}
+
+/// A kind of work that is timed, with what decides how long a unit of it takes.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Piece {
+    /// A round of meta-training over so many demonstrations.
+    Round { meta_batch: usize },
+    /// Playing for and making one update of judging, as many at once as there are threads.
+    Inner { judge: Judge },
+    /// The same in pre-training, one after the other, toward so many demonstrations.
+    PreTraining { demonstrations: usize },
+    /// The same in imitation from scratch by a rule, so many at once.
+    Imitation { rule: Rule, at_once: usize, demonstrations: usize },
+    /// An environment step of an evaluation of so many episodes.
+    Evaluation { episodes: usize },
+    /// An environment step of a demonstrator that learns.
+    Demonstrator,
+}
+
+/// What a run has still to do until a goal is reached.
+pub fn planned(run: &Run<'_>, goal: Goal<'_>) -> Result<Vec<Planned>> {
+    let count = run.set.len();
+    let mut stages = Vec::new();
+    match goal {
+        Goal::Prior => stages.extend(prior(run)?),
+        Goal::Scores => stages.extend(judged_by_all(run)?),
+        Goal::Weighing => {
+            stages.extend(prior(run)?);
+            stages.extend(weighing(run)?);
+        }
+        Goal::Selection => {
+            stages.extend(judged_by_all(run)?);
+            if run.config.keep == Keep::Weights {
+                if !run.config.judges.each().contains(&Judge::Paper) {
+                    stages.extend(prior(run)?);
+                }
+                stages.extend(weighing(run)?);
+            }
+        }
+        Goal::Comparison => {
+            stages = planned(run, Goal::Selection)?;
+            stages.extend(planned(run, Goal::OneTraining)?);
+        }
+        Goal::OneTraining => {
+            let kept = Subset::recall(run.ledger, "")?.map(|subset| subset.demos);
+            let size = kept.as_ref().map_or_else(|| likely_size(run), Vec::len);
+            stages.extend(imitation(run, "subset", kept.as_deref(), size)?);
+            stages.extend(imitation(run, "all", Some(&run.set.ids()), count)?);
+        }
+        Goal::Referee => stages.extend(verdict(run)?),
+        Goal::Verdict => {
+            stages = planned(run, Goal::Selection)?;
+            stages.extend(verdict(run)?);
+        }
+        Goal::Policy(part, demos) => stages.extend(imitation(run, part, Some(demos), demos.len())?),
+        Goal::Oracle { repeats, random } => {
+            let mut alone = Vec::new();
+            for demo in run.set.ids() {
+                for repeat in 0..repeats {
+                    alone.extend(imitation(run, &experiment::oracle_part(demo, repeat), Some(&[demo]), 1)?);
+                }
+            }
+            stages.extend(together("oracle", alone));
+            let kept = LearningCurve::recall(run.ledger, "subset")?.map_or(1, |curve| curve.demos.len());
+            let random =
+                (0..random).map(|number| imitation(run, &experiment::random_part(number), None, kept));
+            let random = random.collect::<Result<Vec<_>>>()?;
+            stages.extend(together("random_subsets", random.into_iter().flatten().collect()));
+        }
+    }
+    Ok(stages)
+}
+
+/// Several parts of a stage as one.
+fn together(stage: &str, parts: Vec<Planned>) -> Option<Planned> {
+    parts
+        .into_iter()
+        .reduce(|sum, part| Planned {
+            environment_steps: sum.environment_steps + part.environment_steps,
+            updates: sum.updates + part.updates,
+            at_most: sum.at_most || part.at_most,
+            pieces: [sum.pieces, part.pieces].concat(),
+            ..sum
+        })
+        .map(|sum| Planned { stage: stage.to_owned(), ..sum })
+}
+
+/// A whole stage, as if nothing of it were done.
+struct Whole {
+    stage: String,
+    environment_steps: u64,
+    updates: u64,
+    at_most: bool,
+    pieces: Vec<(Piece, f64)>,
+}
+
+impl Whole {
+    /// What is left of it after so many steps and such a share of the work; nothing, if it is finished.
+    fn rest(self, spent: u64, done: usize, total: usize) -> Option<Planned> {
+        let share = 1.0 - done.min(total) as f64 / total.max(1) as f64;
+        let left = |whole: u64| (whole as f64 * share).round() as u64;
+        (total > 0).then(|| Planned {
+            stage: self.stage,
+            environment_steps: self.environment_steps.saturating_sub(spent),
+            updates: left(self.updates),
+            at_most: self.at_most,
+            pieces: self.pieces.into_iter().map(|(piece, units)| (piece, units * share)).collect(),
+        })
+    }
+}
+
+fn prior(run: &Run<'_>) -> Result<Option<Planned>> {
+    if Learner::recall(run.ledger, "")?.is_some() {
+        return Ok(None);
+    }
+    let (config, updates) = (run.config, experiment::plan(run).updates);
+    let task = run.playground.specification();
+    match config.method {
+        Method::FromScratch => Ok(None),
+        Method::Maml | Method::MamlMi => {
+            let learning = (&config.meta_train, &config.inner, experiment::information(config));
+            let seed = experiment::learning_seed(config);
+            let (spent, done) = begun(run.ledger, meta_train::STAGE, "", |state: &MetaState| state.rounds)?;
+            let whole = Whole {
+                stage: meta_train::STAGE.to_owned(),
+                environment_steps: meta_train::steps_by_round(run.set, run.playground, learning, &seed)
+                    .take(updates)
+                    .sum(),
+                updates: updates as u64,
+                at_most: false,
+                pieces: vec![(Piece::Round { meta_batch: config.meta_train.meta_batch }, updates as f64)],
+            };
+            Ok(whole.rest(spent, done, updates))
+        }
+        Method::AvgFineTune => {
+            let (spent, done) =
+                begun(run.ledger, pre_train::STAGE, "", |state: &PreTrainState| state.updates)?;
+            let whole = Whole {
+                stage: pre_train::STAGE.to_owned(),
+                environment_steps: pre_train::steps_of_update(&config.inner, task.horizon) * updates as u64,
+                updates: updates as u64,
+                at_most: false,
+                pieces: vec![(Piece::PreTraining { demonstrations: run.set.len() }, updates as f64)],
+            };
+            Ok(whole.rest(spent, done, updates))
+        }
+    }
+}
+
+/// Every judge that is asked, with the prior of the paper's before it.
+fn judged_by_all(run: &Run<'_>) -> Result<Vec<Planned>> {
+    let mut stages = Vec::new();
+    for &judge in run.config.judges.each() {
+        if judge == Judge::Paper {
+            stages.extend(prior(run)?);
+        }
+        stages.extend(scores(run, judge)?);
+    }
+    Ok(stages)
+}
+
+fn scores(run: &Run<'_>, judge: Judge) -> Result<Option<Planned>> {
+    if Judged::recall(run.ledger, judge.name())?.is_some() {
+        return Ok(None);
+    }
+    let judging = &experiment::judging(run, judge);
+    let whole = match judge {
+        Judge::Cloning => {
+            let inner = &experiment::cloning_update(run.config);
+            judged(run, judge, &Cost { judging, inner, starts_anew: true })
+        }
+        Judge::Paper => judged(run, judge, &Cost { judging, inner: &run.config.inner, starts_anew: false }),
+    };
+    let total = whole.units;
+    let (spent, done) = begun(run.ledger, judge::STAGE, judge.name(), JudgingState::done)?;
+    Ok(whole.whole.rest(spent, done, total))
+}
+
+/// A judging, with the number of its units.
+struct WholeJudging {
+    whole: Whole,
+    units: usize,
+}
+
+/// Judging the whole set once.
+fn judged(run: &Run<'_>, judge: Judge, cost: &Cost<'_>) -> WholeJudging {
+    let (task, Cost { judging, inner, starts_anew }) = (run.playground.specification(), *cost);
+    let most = judging.repeats.max(judging.most_repeats);
+    let adaptations = run.set.len() * task.variants.len() * most;
+    let updates = adaptations * judging.iterations;
+    let environment_steps = judge::steps(run.set.len(), task, cost);
+    let adapting = updates * inner.episodes(task.horizon) * task.horizon;
+    let starts = task.variants.len() * if starts_anew { most } else { 1 };
+    WholeJudging {
+        units: adaptations + starts,
+        whole: Whole {
+            stage: stage_name(judge::STAGE, judge.name()),
+            environment_steps,
+            updates: updates as u64,
+            at_most: judging.most_repeats > judging.repeats,
+            pieces: vec![
+                (Piece::Inner { judge }, updates as f64),
+                (
+                    Piece::Evaluation { episodes: judging.evaluations },
+                    (environment_steps - adapting as u64) as f64,
+                ),
+            ],
+        },
+    }
+}
+
+fn weighing(run: &Run<'_>) -> Result<Option<Planned>> {
+    if Weighing::recall(run.ledger, "")?.is_some() {
+        return Ok(None);
+    }
+    let (how, meta_batch) = (&run.config.subset_selection, run.set.len());
+    let training = MetaTraining { meta_batch, ..run.config.meta_train.clone() };
+    let learning = (&training, &run.config.inner, experiment::information(run.config));
+    let seed = subset_selection::fine_tuning_seed(&experiment::weighing_seed(run.config));
+    let meta_updates = how.rounds * how.meta_updates;
+    let learned: u64 =
+        meta_train::steps_by_round(run.set, run.playground, learning, &seed).take(meta_updates).sum();
+    let judging = subset_selection::assessing(how, &run.config.judge);
+    let cost = Cost { judging: &judging, inner: &run.config.inner, starts_anew: false };
+    let assessed = judged(run, Judge::Paper, &cost).whole;
+    let rounds = how.rounds as f64;
+    let mut pieces = vec![(Piece::Round { meta_batch }, meta_updates as f64)];
+    pieces.extend(assessed.pieces.into_iter().map(|(piece, units)| (piece, units * rounds)));
+    let whole = Whole {
+        stage: subset_selection::STAGE.to_owned(),
+        environment_steps: learned + assessed.environment_steps * how.rounds as u64,
+        updates: meta_updates as u64 + assessed.updates * how.rounds as u64,
+        at_most: how.steady_rounds < how.rounds,
+        pieces,
+    };
+    let (spent, done) =
+        begun(run.ledger, subset_selection::STAGE, "", |state: &WeighingState| state.rounds.len())?;
+    Ok(whole.rest(spent, done, how.rounds))
+}
+
+/// Imitation from scratch; `demos` are what is imitated, if that is known by now, and `size` how many.
+fn imitation(run: &Run<'_>, part: &str, demos: Option<&[DemoId]>, size: usize) -> Result<Option<Planned>> {
+    let is_meant =
+        |found: &[DemoId]| demos.is_none_or(|demos| demos == found || is_sorted_from(found, demos));
+    if LearningCurve::recall(run.ledger, part)?.is_some_and(|curve| is_meant(&curve.demos)) {
+        return Ok(None);
+    }
+    let (task, imitation) = (run.playground.specification(), &run.config.imitate);
+    let updates = imitate::updates(task, imitation);
+    let environment_steps = imitate::steps(task, imitation);
+    let learning = updates * imitation.update.episodes(task.horizon) * task.horizon;
+    let piece = Piece::Imitation { rule: imitation.update.imitation, at_once: 1, demonstrations: size };
+    let whole = Whole {
+        stage: stage_name(imitate::STAGE, part),
+        environment_steps,
+        updates: updates as u64,
+        at_most: false,
+        pieces: vec![
+            (piece, updates as f64),
+            (
+                Piece::Evaluation { episodes: imitation.evaluations },
+                (environment_steps - learning as u64) as f64,
+            ),
+        ],
+    };
+    let (spent, done) =
+        begun(
+            run.ledger,
+            imitate::STAGE,
+            part,
+            |state: &ImitationState| {
+                if is_meant(state.demos()) { state.updates() } else { 0 }
+            },
+        )?;
+    let (spent, done) = if done == 0 { (0, 0) } else { (spent, done) };
+    Ok(whole.rest(spent, done, updates.max(1)))
+}
+
+/// The referee's trainings; before anything is kept, as if as many demonstrations were kept as is likely.
+fn verdict(run: &Run<'_>) -> Result<Option<Planned>> {
+    let ids = run.set.ids();
+    let candidates = referee::candidates(&ids, &foreseen(run)?)?;
+    let task = run.playground.specification();
+    let at_once = rayon::current_num_threads();
+    let several = Panel::recall(run.ledger, "")?.is_none();
+    let of_training = |meant: Meant| {
+        let imitation = imitation_by(meant.imitator, &run.config.imitate);
+        let updates = imitate::updates(task, &imitation);
+        let environment_steps = imitate::steps(task, &imitation);
+        let learning = (updates * imitation.update.episodes(task.horizon) * task.horizon) as u64;
+        let demonstrations = candidates[meant.candidates[0]].size;
+        let piece = Piece::Imitation { rule: meant.imitator, at_once, demonstrations };
+        let evaluation = Piece::Evaluation { episodes: imitation.evaluations };
+        Planned {
+            stage: referee::STAGE.to_owned(),
+            environment_steps,
+            updates: updates as u64,
+            // Judges that keep the same have one candidate, and who is surely hopeless is dropped.
+            at_most: several || run.config.referee.trainings(meant.imitator) > DECISIVE,
+            pieces: vec![
+                (piece, updates as f64 / at_once as f64),
+                (evaluation, (environment_steps - learning) as f64),
+            ],
+        }
+    };
+    let rest = experiment::rest_of_verdict(run, &candidates)?;
+    Ok(together(referee::STAGE, rest.into_iter().map(of_training).collect()))
+}
+
+/// What final policies will be trained on: as it was selected, or else as if the judges agreed on nothing.
+fn foreseen(run: &Run<'_>) -> Result<Vec<NamedSubset>> {
+    let (panel, subset) = (Panel::recall(run.ledger, "")?, Subset::recall(run.ledger, "")?);
+    if let (Some(panel), Some(subset)) = (panel, subset) {
+        let Opinion { ranking, uncertainty, .. } = panel.deciding().clone();
+        return experiment::worth_training_on(run, &panel, &Selection { ranking, uncertainty, subset });
+    }
+    let (ids, size) = (run.set.ids(), likely_size(run));
+    let judges = run.config.judges.each().iter().enumerate();
+    let of_judge = |(shift, judge): (usize, &Judge)| {
+        let demos: Vec<DemoId> = ids.iter().cycle().skip(shift).take(size).copied().collect();
+        NamedSubset::new(judge.name(), &demos)
+    };
+    let mut subsets: Vec<NamedSubset> = judges.map(of_judge).collect();
+    // Of another size, which asks for random subsets of its own.
+    let auto = if ids.len().div_ceil(2) == size { size + 1 } else { ids.len().div_ceil(2) };
+    subsets.push(NamedSubset::new("auto", &ids[..auto.min(ids.len())]));
+    Ok(subsets)
+}
+
+fn is_sorted_from(found: &[DemoId], demos: &[DemoId]) -> bool {
+    let mut demos = demos.to_vec();
+    demos.sort_unstable();
+    demos == found
+}
+
+/// How many will be kept, as far as that can be said before judging.
+fn likely_size(run: &Run<'_>) -> usize {
+    match run.config.keep {
+        Keep::Count(count) => count,
+        Keep::Quarter => run.set.len().div_ceil(4),
+        Keep::Auto | Keep::Weights => run.set.len().div_ceil(2),
+    }
+}
+
+/// What a recording asks for.
+#[derive(Clone, Copy, Debug)]
+pub struct Recording<'a> {
+    /// Who demonstrates.
+    pub by: By<'a>,
+    /// Demonstrations to record, those of guests and unseen ones among them.
+    pub demonstrations: usize,
+    /// Demonstrators that are assessed when they are finished, guests among them.
+    pub demonstrators: usize,
+    /// Episodes of such an assessment.
+    pub assessed: usize,
+}
+
+/// What a recording has still to do.
+///
+/// The steps in which a demonstrator confirms that it succeeds are not known before, and not among them.
+pub fn planned_recording(
+    playground: &Playground<'_>,
+    recording: &Recording<'_>,
+    ledger: &dyn Ledger,
+) -> Result<Vec<Planned>> {
+    let task = playground.specification();
+    let mut stages = Vec::new();
+    if let By::Training(training) = recording.by
+        && Vec::<Stage>::recall(ledger, "")?.is_none()
+    {
+        let steps = demonstrator::steps(task, training);
+        let whole = Whole {
+            stage: demonstrator::STAGE.to_owned(),
+            environment_steps: steps,
+            updates: training.updates as u64,
+            at_most: true,
+            pieces: vec![(Piece::Demonstrator, steps as f64)],
+        };
+        let (spent, done) =
+            begun(ledger, demonstrator::STAGE, "", |state: &DemonstratorState| state.updates())?;
+        stages.extend(whole.rest(spent, done, training.updates.max(1)));
+    }
+    let assessing = recording.demonstrators * recording.assessed * task.horizon;
+    let steps = assessing + recording.demonstrations * recording::steps_of_demonstration(task.horizon);
+    stages.push(Planned {
+        stage: "record".to_owned(),
+        environment_steps: steps as u64,
+        updates: 0,
+        at_most: false,
+        pieces: vec![(Piece::Evaluation { episodes: recording.assessed }, steps as f64)],
+    });
+    Ok(stages)
+}

@@ -1,0 +1,166 @@
+//! Ready-made configurations: to see that it runs, to act on, or the paper's values.
+
+use crate::learning::adapt::{InnerUpdate, Rule};
+use crate::learning::advantage::AdvantageEstimation;
+use crate::learning::behavioral_cloning::{Cloning, Descent};
+use crate::learning::gail::Fitting;
+use crate::learning::mutual_information::{Credit, Paid, PosteriorFitting};
+use crate::learning::trpo::TrustRegion;
+use crate::results::panel::Judges;
+use crate::run::experiment::{CloningJudge, Config};
+use crate::stages::imitate::Imitation;
+use crate::stages::judge::Judging;
+use crate::stages::meta_train::{MetaTraining, MutualInformation, Order};
+use crate::stages::method::Method;
+use crate::stages::referee::Refereeing;
+use crate::stages::select::Keep;
+use crate::stages::subset_selection::SubsetSelection;
+use crate::world::policy::PolicyShape;
+use crate::world::rollout::Acting;
+
+/// How much a run may cost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// Minutes: proves that it runs, and ranks roughly.
+    Quick,
+    /// Minutes a set: what the result pages use.
+    Standard,
+    /// The paper's values, where it gives them (A.2.1).
+    Paper,
+}
+
+impl Preset {
+    /// All presets by name, the cheapest first.
+    pub const ALL: [(&'static str, Self); 3] =
+        [("quick", Self::Quick), ("standard", Self::Standard), ("paper", Self::Paper)];
+
+    /// The preset's configuration; tasks have small changes of their own on top.
+    pub fn config(self) -> Config {
+        Config {
+            seed: 0,
+            method: Method::Maml,
+            judges: Judges::Both,
+            keep: Keep::Quarter,
+            policy: PolicyShape { hidden: vec![32, 32], initial_std: 0.5 },
+            inner: InnerUpdate { alphas: self.alphas(), ..update(20, 0.15) },
+            meta_train: MetaTraining {
+                rounds: self.by(25, 40, 2000),
+                meta_batch: 10,
+                trust_region: TrustRegion { max_kl: 0.03, ..TrustRegion::default() },
+                order: Order::First,
+                policy_learning_rate: 1e-3,
+                discriminator_learning_rate: 1e-3,
+                discriminator_hidden: vec![100, 100],
+                checkpoint_every: 10,
+            },
+            mutual_information: MutualInformation {
+                paid: Paid::After,
+                credit: Credit::Trajectory,
+                batch_steps: self.by(1000, 1000, 2000),
+                noise: 0.2,
+                posterior: PosteriorFitting {
+                    lstm: 128,
+                    dense: 64,
+                    readings: 50,
+                    learning_rate: 3e-3,
+                    steps: self.by(20, 20, 20),
+                    batch: 32,
+                },
+                trust_region: TrustRegion { max_kl: 0.04, ..TrustRegion::default() },
+            },
+            judge: Judging {
+                iterations: self.by(20, 30, 10),
+                averaged: self.by(5, 10, 1),
+                evaluations: self.by(10, 20, 50),
+                repeats: self.by(1, 2, 4),
+                most_repeats: 0,
+                acting: Acting::Sampled,
+            },
+            cloning_judge: CloningJudge {
+                judging: Judging {
+                    // Times 20 steps of Adam: with a third of them no imitation of a walker stays upright.
+                    iterations: 100,
+                    averaged: 10,
+                    evaluations: self.by(5, 5, 50),
+                    repeats: self.by(3, 6, 10),
+                    most_repeats: self.by(4, 12, 20),
+                    acting: Acting::Mean,
+                },
+                cloning: Cloning {
+                    descent: Descent::Adam,
+                    learning_rate: 1e-3,
+                    steps: 20,
+                    batch: 100,
+                    curve_episodes: 0,
+                },
+            },
+            // ε: kept is what counts at least half as much as the mean.
+            subset_selection: SubsetSelection {
+                rounds: self.by(6, 10, 30),
+                steady_rounds: self.by(3, 3, 5),
+                meta_updates: self.by(3, 5, 20),
+                iterations: self.by(5, 8, 5),
+                beta: 1.5,
+                epsilon: 0.5,
+                floor: 0.01,
+                smallest: 1,
+            },
+            imitate: Imitation {
+                environment_steps: self.by(250_000, 400_000, 5_000_000),
+                cloning_updates: self.by(100, 200, 500),
+                update: InnerUpdate {
+                    cloning: Cloning {
+                        descent: Descent::Adam,
+                        learning_rate: 1e-3,
+                        steps: 20,
+                        batch: 100,
+                        curve_episodes: 0,
+                    },
+                    ..update(10, 0.03)
+                },
+                discriminator_hidden: vec![100, 100],
+                evaluate_every: 10,
+                evaluations: 20,
+                acting: Acting::Mean,
+                checkpoint_every: 10,
+            },
+            // By cloning they cost little; of GAIL, which is dear, quick shows one and decides nothing by it.
+            referee: Refereeing { cloning: self.by(5, 10, 10), gail: self.by(1, 3, 10) },
+        }
+    }
+
+    /// A.2.1 halves α after the first iteration. On Free Throw and HalfCheetah full steps throughout tell demonstrations apart
+    /// in fewer iterations; on the point mass they swing past what is demonstrated, so its own values halve α.
+    fn alphas(self) -> Vec<f64> {
+        match self {
+            Self::Quick | Self::Standard => vec![1.0],
+            Self::Paper => vec![1.0, 0.5],
+        }
+    }
+
+    fn by(self, quick: usize, standard: usize, paper: usize) -> usize {
+        match self {
+            Self::Quick => quick,
+            Self::Standard => standard,
+            Self::Paper => paper,
+        }
+    }
+}
+
+fn update(discriminator_steps: usize, max_kl: f64) -> InnerUpdate {
+    InnerUpdate {
+        imitation: Rule::Gail,
+        batch_steps: 2000,
+        alphas: vec![1.0],
+        trust_region: TrustRegion { max_kl, ..TrustRegion::default() },
+        discriminator: Fitting { learning_rate: 3e-3, steps: discriminator_steps, batch: 500, entropy: 0.3 },
+        advantage: AdvantageEstimation::default(),
+        cloning: Cloning {
+            descent: Descent::Gradient,
+            learning_rate: 0.05,
+            steps: 5,
+            batch: 100,
+            curve_episodes: 0,
+        },
+    }
+}

@@ -1,0 +1,320 @@
+//! The measuring stick (not in the paper): which judge agrees best with the truth, over many sets and seeds, and can the
+//! difference be told from luck?
+//!
+//! A study is a plan: sets with what is known of them, methods of judging, and trainings that tell what a demonstration or a
+//! subset really teaches.
+//! It falls into [`Work`], each piece of which depends on nothing but its set, its configuration and its seed; [`make`] makes
+//! one, in any order and on any machine.
+//! What was [`Finished`] is then [`summary::summarize`]d, however much of it there is.
+//!
+//! | word | means |
+//! |---|---|
+//! | cell | one piece of work with what came of it: set × method × seed, or set × subset × imitator × seed |
+//! | truth | what a method is held against: the oracle, or a return or stage that is known |
+//! | oracle | the trainings on each demonstration alone |
+//! | ceiling | how well the oracle agrees with itself, each seed against the mean of the others |
+//!
+//! All of a method's numbers are paired by seed with those of the others, and so are trainings.
+
+mod choice;
+pub mod compact;
+pub mod estimate;
+pub mod make;
+mod plan;
+mod refereed;
+pub mod summary;
+mod truth;
+mod work;
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::basics::files;
+use crate::data::demonstration::DemoId;
+use crate::learning::adapt::Rule;
+use crate::stages::imitate::CurvePoint;
+use crate::world::heuristic::Score;
+
+pub use choice::{Choice, TopK};
+pub use plan::{Combination, Judge, Only, Pool, Regret, Rule as CombinationRule, Seeds, Set, Study};
+pub use refereed::{Refereed, RefereedSummary};
+pub use truth::{Against, Known};
+
+/// What a cell is to find out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Work {
+    /// A method judges a set.
+    Judging {
+        /// Of which set.
+        set: String,
+        /// By which method.
+        method: String,
+        /// The root of all its random numbers.
+        seed: u64,
+    },
+    /// A policy is trained on some demonstrations of a set.
+    Training {
+        /// Of which set.
+        set: String,
+        /// On which demonstrations, in the order of the set.
+        demos: Vec<DemoId>,
+        /// By which rule.
+        imitator: Rule,
+        /// The root of all its random numbers, which are the same for whatever is imitated.
+        seed: u64,
+    },
+}
+
+impl Work {
+    /// The set that it is about.
+    pub fn set(&self) -> &str {
+        match self {
+            Self::Judging { set, .. } | Self::Training { set, .. } => set,
+        }
+    }
+
+    /// A name that no other work of the study has, fit for a file.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Judging { set, method, seed } => {
+                format!("judging_{}_{}_{seed}", file_name(set), file_name(method))
+            }
+            Self::Training { set, demos, imitator, seed } => {
+                format!(
+                    "training_{}_{}_{}_{seed}",
+                    file_name(set),
+                    imitator_name(*imitator),
+                    subset_name(demos)
+                )
+            }
+        }
+    }
+}
+
+/// An imitator as files and tables call it.
+pub fn imitator_name(imitator: Rule) -> &'static str {
+    match imitator {
+        Rule::Gail => "gail",
+        Rule::BehavioralCloning => "cloning",
+    }
+}
+
+/// Letters, digits and dashes of a name.
+fn file_name(name: &str) -> String {
+    name.chars().map(|letter| if letter.is_ascii_alphanumeric() { letter } else { '-' }).collect()
+}
+
+/// The ids, or of many their number and a hash.
+fn subset_name(demos: &[DemoId]) -> String {
+    const LISTED: usize = 16;
+    let ids: Vec<String> = demos.iter().map(ToString::to_string).collect();
+    let ids = ids.join("-");
+    match demos.len() {
+        0..=LISTED => ids,
+        count => format!("{count}-of-{}", &files::sha256_of(ids.as_bytes())[..12]),
+    }
+}
+
+/// What a part of a cell cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cost {
+    /// Environment steps.
+    pub environment_steps: u64,
+    /// Seconds by the clock that was passed in: of a processor, where the command measures.
+    pub seconds: f64,
+}
+
+impl std::ops::Add for Cost {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            environment_steps: self.environment_steps + other.environment_steps,
+            seconds: self.seconds + other.seconds,
+        }
+    }
+}
+
+/// What a method found of one demonstration.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JudgedDemonstration {
+    /// S (Eq. 8).
+    pub score: Score,
+    /// Mean K after imitating it.
+    pub after: Score,
+    /// The same of each repeat.
+    pub repeats: Vec<Score>,
+}
+
+/// What came of judging a set once.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JudgingResult {
+    /// In the order of the set.
+    pub demonstrations: Vec<JudgedDemonstration>,
+    /// Table 1.
+    pub adapted_behaviors_distance: f64,
+    /// What is paid once for a set: making the prior.
+    pub once: Cost,
+    /// What judging all demonstrations cost on top.
+    pub judging: Cost,
+}
+
+impl JudgingResult {
+    /// S of all demonstrations.
+    pub fn scores(&self) -> Vec<Score> {
+        self.demonstrations.iter().map(|demonstration| demonstration.score).collect()
+    }
+}
+
+/// How good a policy is, by episodes of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Outcome {
+    /// Mean heuristic.
+    pub score: Score,
+    /// Share of episodes that succeeded, where the task says.
+    pub success: Option<f64>,
+    /// Mean true return of the episodes, where the task knows one.
+    pub true_return: Option<f64>,
+    /// Standard error of `score` over the episodes; 0 in files from before it was kept.
+    #[serde(default)]
+    pub standard_error: f64,
+}
+
+/// Evaluations in the course of a training, `[points]` each.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Curve {
+    /// Updates made until then.
+    pub updates: Vec<usize>,
+    /// Environment steps learned from until then.
+    pub environment_steps: Vec<usize>,
+    /// Mean heuristic.
+    pub score: Vec<Score>,
+    /// Share of episodes that succeeded; empty where the task does not say.
+    pub success: Vec<f64>,
+}
+
+impl Curve {
+    /// Of these evaluations.
+    pub fn of(points: &[CurvePoint]) -> Self {
+        Self {
+            updates: points.iter().map(|point| point.updates).collect(),
+            environment_steps: points.iter().map(|point| point.environment_steps).collect(),
+            score: points.iter().map(|point| point.score).collect(),
+            success: points.iter().filter_map(|point| point.success).collect(),
+        }
+    }
+
+    /// Whether it was not kept.
+    pub fn is_empty(&self) -> bool {
+        self.score.is_empty()
+    }
+}
+
+/// What came of training once.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainingResult {
+    /// The last policy; the truth is taken from it, since no choice flatters it.
+    pub end: Outcome,
+    /// The best policy on the way, on episodes that did not choose it.
+    pub chosen: Outcome,
+    /// What it cost.
+    pub cost: Cost,
+    /// How it went; empty in a compact file, and of trainings from before it was kept.
+    #[serde(default, skip_serializing_if = "Curve::is_empty")]
+    pub curve: Curve,
+}
+
+/// What came of a cell.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Found {
+    /// Of judging.
+    Judging(JudgingResult),
+    /// Of training.
+    Training(TrainingResult),
+    /// Learning diverged, or the simulator did; it would again.
+    Failed(String),
+}
+
+/// Work with what came of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cell {
+    /// What was to be found out.
+    pub work: Work,
+    /// What was found.
+    pub found: Found,
+}
+
+/// All cells that are there, by the name of their work.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Finished(BTreeMap<String, Cell>);
+
+impl Finished {
+    /// Adds a cell.
+    pub fn add(&mut self, cell: Cell) {
+        self.0.insert(cell.work.name(), cell);
+    }
+
+    /// Whether there is a result of some work, be it a failure.
+    pub fn holds(&self, work: &Work) -> bool {
+        self.0.contains_key(&work.name())
+    }
+
+    /// All cells, by name.
+    pub fn cells(&self) -> impl Iterator<Item = &Cell> {
+        self.0.values()
+    }
+
+    /// The failed ones, each with its error.
+    pub fn failures(&self) -> Vec<(String, String)> {
+        let failed = |cell: &Cell| match &cell.found {
+            Found::Failed(error) => Some((cell.work.name(), error.clone())),
+            _ => None,
+        };
+        self.cells().filter_map(failed).collect()
+    }
+
+    /// What judging found, if it is finished and did not fail.
+    pub fn judging(&self, set: &str, method: &str, seed: u64) -> Option<&JudgingResult> {
+        let work = Work::Judging { set: set.to_owned(), method: method.to_owned(), seed };
+        match &self.0.get(&work.name())?.found {
+            Found::Judging(result) => Some(result),
+            _ => None,
+        }
+    }
+
+    /// What training found, if it is finished and did not fail.
+    pub fn training(
+        &self,
+        set: &str,
+        demos: &[DemoId],
+        imitator: Rule,
+        seed: u64,
+    ) -> Option<&TrainingResult> {
+        let work = Work::Training { set: set.to_owned(), demos: demos.to_vec(), imitator, seed };
+        match &self.0.get(&work.name())?.found {
+            Found::Training(result) => Some(result),
+            _ => None,
+        }
+    }
+}
+
+impl FromIterator<Cell> for Finished {
+    fn from_iter<I: IntoIterator<Item = Cell>>(cells: I) -> Self {
+        let mut finished = Self::default();
+        cells.into_iter().for_each(|cell| finished.add(cell));
+        finished
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,113 @@
+//! A study with all its cells as one compact file, a cell a line: what a result page is made from.
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Number, Value};
+
+use super::summary::PoolSummary;
+use super::{Cell, Finished, Study};
+use crate::basics::error::{Error, Result};
+
+/// Changes when a reader of before could no longer read the file.
+const VERSION: u32 = 1;
+/// Digits of a number that count.
+const DIGITS: usize = 6;
+
+/// All that a study found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Compact {
+    /// The version of demosift that made the cells.
+    pub demosift: String,
+    /// What was planned.
+    pub study: Study,
+    /// What is to be said besides, such as which sets were not there.
+    pub notes: Vec<String>,
+    /// What was found.
+    pub finished: Finished,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    version: u32,
+    demosift: String,
+    study: Study,
+    notes: Vec<String>,
+    cells: Vec<Cell>,
+    /// For other readers; found again from the cells by this one.
+    pools: Vec<Value>,
+}
+
+/// The bytes of the file, numbers rounded to six digits.
+pub fn write(compact: &Compact, pools: &[PoolSummary]) -> Vec<u8> {
+    let Compact { demosift, study, notes, finished } = compact;
+    let plain = |value: Value| rounded(without_curves(value));
+    let lines = |values: Vec<Value>| {
+        let lines: Vec<String> = values.into_iter().map(|value| plain(value).to_string()).collect();
+        if lines.is_empty() { "[]".to_owned() } else { format!("[\n{}\n]", lines.join(",\n")) }
+    };
+    let cells = finished.cells().map(|cell| serde_json::to_value(cell).expect("a cell is plain data"));
+    let pools = pools.iter().map(|pool| serde_json::to_value(pool).expect("a pool is plain data"));
+    let head = [
+        format!("\"version\":{VERSION}"),
+        format!("\"demosift\":{}", json(demosift)),
+        format!("\"study\":{}", json(study)),
+        format!("\"notes\":{}", json(notes)),
+        format!("\"cells\":{}", lines(cells.collect())),
+        format!("\"pools\":{}", lines(pools.collect())),
+    ];
+    format!("{{\n{}\n}}\n", head.join(",\n")).into_bytes()
+}
+
+fn json(value: &impl Serialize) -> String {
+    serde_json::to_string(value).expect("plain data is JSON")
+}
+
+/// What was written.
+///
+/// # Errors
+/// `is_bad_input` if it is no such file.
+pub fn read(bytes: &[u8]) -> Result<Compact> {
+    #[derive(Deserialize)]
+    struct Versioned {
+        version: u32,
+    }
+    let wrong =
+        |error: serde_json::Error| Error::bad_input(format!("this is not the file of a study: {error}"));
+    let Versioned { version } = serde_json::from_slice(bytes).map_err(wrong)?;
+    if version != VERSION {
+        return Err(Error::bad_input(format!(
+            "this file of a study has format version {version}; this demosift reads version {VERSION}"
+        )));
+    }
+    let File { demosift, study, notes, cells, .. } = serde_json::from_slice(bytes).map_err(wrong)?;
+    study.check()?;
+    Ok(Compact { demosift, study, notes, finished: cells.into_iter().collect() })
+}
+
+/// The same without the curves of trainings, which would be most of the file.
+fn without_curves(value: Value) -> Value {
+    match value {
+        Value::Array(values) => values.into_iter().map(without_curves).collect(),
+        Value::Object(fields) => {
+            let kept = fields.into_iter().filter(|(key, _)| key != "curve");
+            Value::Object(kept.map(|(key, value)| (key, without_curves(value))).collect())
+        }
+        other => other,
+    }
+}
+
+/// The same with as many digits as count.
+fn rounded(value: Value) -> Value {
+    match value {
+        Value::Number(number) if number.is_f64() => {
+            let exact = number.as_f64().unwrap_or_default();
+            let short = format!("{exact:.*e}", DIGITS - 1).parse().ok();
+            short.and_then(Number::from_f64).map_or(Value::Number(number), Value::Number)
+        }
+        Value::Array(values) => values.into_iter().map(rounded).collect(),
+        Value::Object(fields) => {
+            Value::Object(fields.into_iter().map(|(key, value)| (key, rounded(value))).collect())
+        }
+        other => other,
+    }
+}

@@ -1,0 +1,331 @@
+//! What a study compares, on what and how often, and whether that fits together.
+
+use serde::{Deserialize, Serialize};
+
+use super::choice::{Choice, TopK};
+use super::{Known, Refereed, file_name};
+use crate::basics::error::{Error, Result};
+use crate::learning::adapt;
+
+/// A study, without its files and configurations.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Study {
+    /// Its name.
+    pub name: String,
+    /// What is judged.
+    pub sets: Vec<Set>,
+    /// What judges; the first is what the others are compared with.
+    pub methods: Vec<Judge>,
+    /// By which imitators the oracle learns.
+    pub oracle: Vec<adapt::Rule>,
+    /// K of the hit rates.
+    pub hits_at: Vec<TopK>,
+    /// Regret, where it is asked for.
+    pub regret: Option<Regret>,
+    /// Trainings for their own sake.
+    pub pools: Vec<Pool>,
+    /// What the referee says of trainings that are drawn again.
+    #[serde(default)]
+    pub referees: Vec<Refereed>,
+}
+
+/// Consecutive seeds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Seeds {
+    /// The first.
+    pub first: u64,
+    /// How many.
+    pub count: usize,
+}
+
+impl Seeds {
+    /// Each of them.
+    pub fn each(self) -> impl Iterator<Item = u64> + Clone {
+        (0..self.count as u64).map(move |index| self.first + index)
+    }
+}
+
+/// A set with what is known of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Set {
+    /// Its name in the study.
+    pub name: String,
+    /// The task in which it is judged.
+    pub task: String,
+    /// The one variant of the task, where it has several.
+    pub variant: Option<String>,
+    /// Of the heuristic.
+    pub unit: String,
+    /// Which episodes of its file it consists of; all, if it does not say. Its own ids count from 0.
+    pub episodes: Option<Vec<usize>>,
+    /// How many demonstrations it has.
+    pub demonstrations: usize,
+    /// With which seeds it is judged.
+    pub seeds: Seeds,
+    /// With which seeds the oracle learns; none, if there is no oracle.
+    pub oracle_seeds: Seeds,
+    /// Whether regret is asked for.
+    pub regret: bool,
+    /// What is known to be true of each demonstration, beside the oracle.
+    pub known: Vec<Known>,
+}
+
+/// A method of judging.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Judge {
+    /// Its name in the study.
+    pub name: String,
+    /// Whether it judges by cloning, so that an oracle by cloning is no truth for it.
+    pub clones: bool,
+    /// What it is made of, if it has no cells of its own.
+    pub combination: Option<Combination>,
+}
+
+/// A method that combines what others found with the same seed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Combination {
+    /// How.
+    pub rule: Rule,
+    /// Which others.
+    pub of: Vec<String>,
+}
+
+/// How the scores of several methods become one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Rule {
+    /// The mean of the ranks, ties sharing theirs.
+    Ranks,
+    /// The mean of the scores, each method's standardized over the set.
+    Scores,
+}
+
+/// How much worse the policy from a method's top K is than that from the truly best K.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Regret {
+    /// Each K.
+    pub at: Vec<TopK>,
+    /// Who learns from the top K.
+    pub imitators: Vec<adapt::Rule>,
+    /// Trainings on each subset, with the same seeds for all.
+    pub trainings: Seeds,
+}
+
+/// Trainings on subsets, for their own sake.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pool {
+    /// Of which set.
+    pub set: String,
+    /// On which of its subsets.
+    pub subsets: Vec<Choice>,
+    /// Who learns.
+    pub imitator: adapt::Rule,
+    /// How often, with the same seeds for each subset.
+    pub trainings: Seeds,
+}
+
+/// Which part of a study's work is to be done; what is not named is all.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Only {
+    /// Names of sets.
+    pub sets: Option<Vec<String>>,
+    /// Names of methods, and [`Only::ORACLE`], [`Only::REGRET`] and [`Only::POOLS`].
+    pub methods: Option<Vec<String>>,
+}
+
+impl Only {
+    /// The oracle's trainings, where methods are named.
+    pub const ORACLE: &str = "oracle";
+    /// The trainings on the top K of the methods that are named.
+    pub const REGRET: &str = "regret";
+    /// The trainings of pools, the referee's among them.
+    pub const POOLS: &str = "pools";
+    const KINDS: [&str; 3] = [Self::ORACLE, Self::REGRET, Self::POOLS];
+
+    /// Whether a method or a kind of trainings is to be done.
+    pub(super) fn names(&self, name: &str) -> bool {
+        self.methods.as_ref().is_none_or(|named| named.iter().any(|other| other == name))
+    }
+
+    /// Whether a set is to be judged.
+    pub(super) fn is_about(&self, set: &str) -> bool {
+        self.sets.as_ref().is_none_or(|named| named.iter().any(|other| other == set))
+    }
+}
+
+impl Study {
+    /// The set of this name.
+    pub fn set(&self, name: &str) -> Option<&Set> {
+        self.sets.iter().find(|set| set.name == name)
+    }
+
+    /// The method of this name.
+    pub fn method(&self, name: &str) -> Option<&Judge> {
+        self.methods.iter().find(|method| method.name == name)
+    }
+
+    /// Whether the parts of the study fit each other.
+    ///
+    /// # Errors
+    /// `is_bad_config`; says what is wrong and what would be right.
+    pub fn check(&self) -> Result<()> {
+        check_names("set", self.sets.iter().map(|set| set.name.as_str()))?;
+        check_names("method", self.methods.iter().map(|method| method.name.as_str()))?;
+        if let Some(method) = self.methods.iter().find(|method| Only::KINDS.contains(&method.name.as_str())) {
+            return Err(Error::bad_config(format!(
+                "a method is called '{}', which names trainings; call it something else",
+                method.name
+            )));
+        }
+        for method in &self.methods {
+            self.check_combination(method)?;
+        }
+        for set in &self.sets {
+            for Known { kind, values } in &set.known {
+                if values.len() != set.demonstrations || values.iter().any(|value| !value.is_finite()) {
+                    return Err(Error::bad_config(format!(
+                        "the set '{}' has {} demonstrations, and its {kind} {} finite numbers; there must be one each",
+                        set.name,
+                        set.demonstrations,
+                        values.len()
+                    )));
+                }
+            }
+        }
+        self.pools.iter().try_for_each(|pool| self.check_pool(pool))?;
+        self.referees.iter().try_for_each(|refereed| {
+            refereed.check()?;
+            refereed.pools(None).iter().try_for_each(|pool| self.check_pool(pool))
+        })
+    }
+
+    /// All pools: those that are asked for, and those that the referee draws from.
+    pub(super) fn all_pools(&self) -> Vec<Pool> {
+        let of_referee = |refereed: &Refereed| refereed.pools(self.set(&refereed.set));
+        self.pools.iter().cloned().chain(self.referees.iter().flat_map(of_referee)).collect()
+    }
+
+    fn check_combination(&self, method: &Judge) -> Result<()> {
+        let Some(combination) = &method.combination else { return Ok(()) };
+        let direct: Vec<&str> =
+            self.methods.iter().filter(|of| of.combination.is_none()).map(|of| of.name.as_str()).collect();
+        match combination.of.iter().find(|name| !direct.contains(&name.as_str())) {
+            Some(name) => Err(Error::bad_config(format!(
+                "the method '{}' combines '{name}', and can combine: {}",
+                method.name,
+                direct.join(", ")
+            ))),
+            None if combination.of.is_empty() => {
+                Err(Error::bad_config(format!("the method '{}' combines nothing", method.name)))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn check_pool(&self, pool: &Pool) -> Result<()> {
+        let set = self.set(&pool.set).ok_or_else(|| unknown("set", &pool.set, self.set_names()))?;
+        let count = set.demonstrations;
+        for choice in &pool.subsets {
+            let wrong = |what: String| Err(Error::bad_config(format!("the pool of '{}': {what}", pool.set)));
+            match choice {
+                Choice::KeptBy { method, .. } if self.method(method).is_none() => {
+                    return Err(unknown("method", method, self.method_names()));
+                }
+                Choice::KeptBy { seed: Some(seed), .. } if !set.seeds.each().any(|known| known == *seed) => {
+                    return wrong(format!("the set is not judged with seed {seed}"));
+                }
+                Choice::KeptBy { k, .. } | Choice::Random(k) if k.of(count).is_none() => {
+                    return wrong(format!(
+                        "K = {k} of {count} demonstrations; it must leave some and take some"
+                    ));
+                }
+                Choice::Ids(ids) if ids.is_empty() || ids.iter().any(|id| *id >= count) => {
+                    return wrong(format!("the ids {ids:?}; there are 0 to {}", count - 1));
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn set_names(&self) -> Vec<&str> {
+        self.sets.iter().map(|set| set.name.as_str()).collect()
+    }
+
+    fn method_names(&self) -> Vec<&str> {
+        self.methods.iter().map(|method| method.name.as_str()).collect()
+    }
+
+    /// The part of the study that is about these sets.
+    pub fn about(&self, sets: &[String]) -> Self {
+        let mut part = self.clone();
+        part.sets.retain(|set| sets.contains(&set.name));
+        part.pools.retain(|pool| sets.contains(&pool.set));
+        part.referees.retain(|refereed| sets.contains(&refereed.set));
+        part
+    }
+
+    /// Whether the names are those of the study.
+    ///
+    /// # Errors
+    /// `is_bad_config`; says which there are.
+    pub fn check_only(&self, only: &Only) -> Result<()> {
+        check_known("set", only.sets.as_deref().unwrap_or_default(), self.set_names())?;
+        let known = self.method_names().into_iter().chain(Only::KINDS).collect();
+        check_known("method", only.methods.as_deref().unwrap_or_default(), known)
+    }
+
+    /// Whether judging by a method is to be done: it is named, or what is named is made of it or keeps by it.
+    pub(super) fn needs(&self, only: &Only, judge: &Judge) -> bool {
+        let pools = if only.names(Only::POOLS) { self.all_pools() } else { Vec::new() };
+        let keeps_by = |method: &str| {
+            let mut choices = pools.iter().flat_map(|pool| &pool.subsets);
+            choices.any(|choice| matches!(choice, Choice::KeptBy { method: keeper, .. } if keeper == method))
+        };
+        let is_wanted = |method: &Judge| only.names(&method.name) || keeps_by(&method.name);
+        let is_made_of =
+            |other: &Judge| other.combination.as_ref().is_some_and(|of| of.of.contains(&judge.name));
+        is_wanted(judge) || self.methods.iter().any(|other| is_made_of(other) && is_wanted(other))
+    }
+}
+
+/// Each name once, and files can tell them apart.
+fn check_names<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Result<()> {
+    let mut seen = std::collections::BTreeMap::new();
+    for name in names {
+        let other = seen.insert(file_name(name), name);
+        match other {
+            Some(other) if other == name => {
+                return Err(Error::bad_config(format!("there are two {what}s called '{name}'")));
+            }
+            Some(other) => {
+                return Err(Error::bad_config(format!(
+                    "the {what}s '{other}' and '{name}' would have the same files; one needs other letters or digits"
+                )));
+            }
+            None => {}
+        }
+    }
+    match seen.is_empty() {
+        true => Err(Error::bad_config(format!("the study has no {what}"))),
+        false => Ok(()),
+    }
+}
+
+fn check_known(what: &str, named: &[String], known: Vec<&str>) -> Result<()> {
+    match named.iter().find(|name| !known.contains(&name.as_str())) {
+        Some(name) => Err(unknown(what, name, known)),
+        None => Ok(()),
+    }
+}
+
+fn unknown(what: &str, name: &str, known: Vec<&str>) -> Error {
+    Error::bad_config(format!("the study has no {what} '{name}'; it has: {}", known.join(", ")))
+}

@@ -1,0 +1,330 @@
+//! Imitation from scratch on a subset (§5.2): GAIL with TRPO or behavioral cloning (C.4), the learning curve of the
+//! heuristic, the best policy kept.
+//!
+//! This is how a selection proves itself, and on one demonstration alone with the full budget it is the oracle that
+//! rankings are compared with.
+//! The best point of a curve chooses which policy is kept.
+//! What a demonstration teaches is scored at the end of the curve, which no luck chose.
+
+use serde::{Deserialize, Serialize};
+
+use crate::basics::error::{Error, Result};
+use crate::basics::observer::{Event, Observer};
+use crate::basics::seed::Seed;
+use crate::data::demonstration::{DemoId, DemonstrationSet};
+use crate::data::trajectory::Trajectory;
+use crate::learning::adapt::{self, InnerUpdate, Learner, Played, Rule};
+use crate::learning::gail;
+use crate::math::nn::adam::Adam;
+use crate::math::rows::Rows;
+use crate::world::environment::{EnvVariant, Specification};
+use crate::world::heuristic::Score;
+use crate::world::policy::{Policy, PolicyShape};
+use crate::world::rollout::{self, Acting, Playground};
+
+/// How a policy imitates a subset from scratch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Imitation {
+    /// Environment steps that GAIL learns from; evaluation comes on top. Equal for whatever is compared.
+    pub environment_steps: usize,
+    /// Updates of behavioral cloning, which learns from no environment step; each has as many steps of Adam, whatever is
+    /// imitated.
+    pub cloning_updates: usize,
+    /// The update, with what is played before each.
+    pub update: InnerUpdate,
+    /// Widths of the discriminator's hidden layers (Table 3: 100, 100).
+    pub discriminator_hidden: Vec<usize>,
+    /// Updates between two evaluations.
+    pub evaluate_every: usize,
+    /// Episodes of an evaluation.
+    pub evaluations: usize,
+    /// How the policy acts when it is evaluated; not in the paper, and the mean is how a policy is used.
+    pub acting: Acting,
+    /// Updates between two checkpoints.
+    pub checkpoint_every: usize,
+}
+
+/// How a policy came along: the learning curve and the best policy on it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LearningCurve {
+    /// What was imitated.
+    pub demos: Vec<DemoId>,
+    /// Evaluations in order.
+    pub points: Vec<CurvePoint>,
+    /// The best policy on episodes that did not choose it.
+    pub outcome: CurvePoint,
+    /// The last policy on the same episodes: where learning led, with nothing chosen.
+    pub end: CurvePoint,
+    /// Environment steps of the whole imitation, evaluations among them.
+    pub played: u64,
+    /// The policy with the best score among the points.
+    pub best: Policy,
+}
+
+impl LearningCurve {
+    /// The point that chose the policy: the best, the first of equals; `None` where the curve has none.
+    pub fn best_point(&self) -> Option<&CurvePoint> {
+        self.points.iter().rev().max_by(|a, b| a.score.total_cmp(&b.score))
+    }
+}
+
+/// One evaluation.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CurvePoint {
+    /// Updates made so far.
+    #[serde(default)]
+    pub updates: usize,
+    /// Environment steps learned from so far.
+    pub environment_steps: usize,
+    /// Mean heuristic.
+    pub score: Score,
+    /// Standard error of that mean over the evaluation's episodes; what another training would change comes on top.
+    pub standard_error: f64,
+    /// Share of episodes that reached the goal, where the task says.
+    pub success: Option<f64>,
+    /// Mean true return, where the task says; for reports only, and nothing chooses by it.
+    #[serde(default)]
+    pub true_return: Option<f64>,
+}
+
+/// Where an imitation stands; from here it goes on to the identical result.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ImitationState {
+    demos: Vec<DemoId>,
+    updates: usize,
+    environment_steps: usize,
+    /// Environment steps of evaluations so far.
+    evaluated: u64,
+    learner: Learner,
+    adam: Adam,
+    points: Vec<CurvePoint>,
+    best: Policy,
+}
+
+/// Name of the stage in events.
+pub const STAGE: &str = "imitate";
+
+impl ImitationState {
+    /// A learner that knows nothing and is to imitate `demos`.
+    pub fn start(
+        (set, demos): (&DemonstrationSet, &[DemoId]),
+        shape: &PolicyShape,
+        imitation: &Imitation,
+        seed: &Seed,
+    ) -> Self {
+        let learner = Learner::untrained(set, shape, &imitation.discriminator_hidden, seed);
+        Self {
+            demos: demos.to_vec(),
+            updates: 0,
+            environment_steps: 0,
+            evaluated: 0,
+            adam: imitation.update.adam(&learner),
+            points: Vec::new(),
+            best: learner.policy.clone(),
+            learner,
+        }
+    }
+
+    /// What is imitated.
+    pub fn demos(&self) -> &[DemoId] {
+        &self.demos
+    }
+
+    /// Updates made so far.
+    pub fn updates(&self) -> usize {
+        self.updates
+    }
+
+    /// How much is done of how much there is to do: environment steps, or updates of behavioral cloning.
+    fn progress(&self, imitation: &Imitation) -> (usize, usize) {
+        let (done, total) = match imitation.update.imitation {
+            Rule::Gail => (self.environment_steps, imitation.environment_steps),
+            Rule::BehavioralCloning => (self.updates, imitation.cloning_updates),
+        };
+        (done.min(total), total)
+    }
+}
+
+/// Updates that an imitation makes, where episodes last to the horizon.
+pub fn updates(task: &Specification, imitation: &Imitation) -> usize {
+    match imitation.update.imitation {
+        Rule::Gail => {
+            imitation.environment_steps.div_ceil(imitation.update.episodes(task.horizon) * task.horizon)
+        }
+        Rule::BehavioralCloning => imitation.cloning_updates,
+    }
+}
+
+/// Environment steps that an imitation takes, evaluations among them, where episodes last to the horizon.
+pub fn steps(task: &Specification, imitation: &Imitation) -> u64 {
+    let updates = updates(task, imitation);
+    // Besides those on the way one at the end, and of the best and the last policy one each on other episodes; both are
+    // played even where they are the same policy, so that this count is exact.
+    let evaluations = updates.div_ceil(imitation.evaluate_every.max(1)) + 3;
+    let evaluating = evaluations * imitation.evaluations * task.variants.len();
+    let learning = updates * imitation.update.episodes(task.horizon);
+    ((learning + evaluating) * task.horizon) as u64
+}
+
+/// Imitates the demonstrations that `state` is about from scratch; `part` names this imitation among others in events.
+///
+/// ```
+/// use demosift::data::demonstration::DemoId;
+/// use demosift::stages::imitate::{ImitationState, imitate};
+/// use demosift::basics::observer::Silent;
+/// use demosift::world::point_mass::{PointMass, planted_set};
+/// use demosift::run::preset::Preset;
+/// use demosift::world::rollout::Playground;
+/// use demosift::basics::seed::Seed;
+///
+/// let set = planted_set(&[180.0, 5.0, -5.0], Seed::new(1))?;
+/// let task = PointMass::new();
+/// let playground = Playground::new(&task);
+/// let mut config = Preset::Quick.config();
+/// config.imitate.environment_steps = 9000;
+/// config.imitate.update.batch_steps = 600;
+/// config.imitate.update.discriminator.learning_rate = 0.01;
+///
+/// let learn_from = |demos: &[DemoId]| {
+///     let (how, seed) = (&config.imitate, Seed::new(3));
+///     let start = ImitationState::start((&set, demos), &config.policy, how, &seed);
+///     imitate(&set, &playground, how, start, &seed, ("subset", &mut Silent))
+/// };
+/// let east = learn_from(&[DemoId(1), DemoId(2)])?;
+/// let west = learn_from(&[DemoId(0)])?;
+///
+/// // The goal lies in the east, and the score is the distance to it, negated.
+/// let (near, far) = (east.outcome.score, west.outcome.score);
+/// assert!(near > far, "{near} m and {far} m");
+/// // The curve has a point every so many updates; the best policy on it is what is handed over.
+/// assert!(east.points.len() > 2 && east.points[0].environment_steps == 0);
+/// assert_eq!(east.best.action_size(), 2);
+/// # Ok::<(), demosift::Error>(())
+/// ```
+pub fn imitate(
+    set: &DemonstrationSet,
+    playground: &Playground<'_>,
+    imitation: &Imitation,
+    mut state: ImitationState,
+    seed: &Seed,
+    (part, observer): (&str, &mut dyn Observer),
+) -> Result<LearningCurve> {
+    let demos = state.demos.clone();
+    if demos.is_empty() {
+        return Err(Error::bad_input("nothing to imitate: the subset is empty"));
+    }
+    let filter = state.learner.policy.filter().clone();
+    let pairs: Vec<Rows> =
+        demos.iter().map(|demo| gail::demonstrated_pairs(set.get(*demo), &filter)).collect();
+    let demonstrated: Vec<&Rows> = pairs.iter().collect();
+    let (done, total) = state.progress(imitation);
+    observer.on(Event::Started { stage: STAGE, done, total });
+    while state.progress(imitation).0 < total {
+        if state.updates.is_multiple_of(imitation.evaluate_every.max(1)) {
+            evaluate(&mut state, playground, imitation, (seed, part, observer))?;
+        }
+        improve(&mut state, &demonstrated, playground, imitation, (seed, part, observer))
+            .map_err(|error| error.during(&format!("imitation, update {}", state.updates)))?;
+        observer.on(Event::Advanced { stage: STAGE, done: state.progress(imitation).0 });
+        if state.updates.is_multiple_of(imitation.checkpoint_every.max(1)) {
+            observer.on(Event::Checkpoint { stage: STAGE, part, state: &state });
+        }
+    }
+    evaluate(&mut state, playground, imitation, (seed, part, observer))?;
+    let outcome_seed = seed.of("outcome");
+    let (best, last) = (state.best.clone(), state.learner.policy.clone());
+    let outcome = point(&mut state, &best, playground, imitation, &outcome_seed)?;
+    let end = point(&mut state, &last, playground, imitation, &outcome_seed)?;
+    let played = state.environment_steps as u64 + state.evaluated;
+    Ok(LearningCurve { demos, points: state.points, outcome, end, played, best })
+}
+
+/// Plays and makes one update; variants take turns.
+fn improve(
+    state: &mut ImitationState,
+    demonstrated: &[&Rows],
+    playground: &Playground<'_>,
+    imitation: &Imitation,
+    (seed, part, observer): (&Seed, &str, &mut dyn Observer),
+) -> Result<()> {
+    let episodes = imitation.update.episodes(playground.specification().horizon);
+    let variant = EnvVariant(state.updates % playground.specification().variants.len());
+    let seeds = seed.of("play").at(state.updates).many(episodes);
+    let policy = &state.learner.policy;
+    let trajectories = rollout::play(playground, policy, Acting::Sampled, variant, seeds)?;
+    let played = Played::new(playground, policy, &trajectories);
+    let alpha = imitation.update.alpha(state.updates);
+    let fit_seed = seed.of("fit").at(state.updates);
+    let (learner, report) = adapt::update(
+        &state.learner,
+        &played,
+        demonstrated,
+        (&imitation.update, alpha),
+        &mut state.adam,
+        fit_seed,
+    )?;
+    state.learner = learner;
+    state.updates += 1;
+    state.environment_steps += trajectories.iter().map(Trajectory::steps).sum::<usize>();
+    let mut numbers = vec![("environment_steps", state.environment_steps as f64)];
+    numbers.extend(report.numbers());
+    let iteration = state.updates;
+    observer.on(Event::Measured { stage: "imitate_update", part, iteration, numbers: &numbers });
+    Ok(())
+}
+
+/// Adds a point to the curve and keeps the policy if it is the best so far.
+fn evaluate(
+    state: &mut ImitationState,
+    playground: &Playground<'_>,
+    imitation: &Imitation,
+    (seed, part, observer): (&Seed, &str, &mut dyn Observer),
+) -> Result<()> {
+    let policy = state.learner.policy.clone();
+    let found = point(state, &policy, playground, imitation, &seed.of("evaluate"))?;
+    let best = state.points.iter().map(|point| point.score).fold(f64::NEG_INFINITY, f64::max);
+    if found.score > best {
+        state.best = policy;
+    }
+    state.points.push(found);
+    observer.on(Event::Measured {
+        stage: STAGE,
+        part,
+        iteration: state.updates,
+        numbers: &[
+            ("environment_steps", found.environment_steps as f64),
+            ("score", found.score),
+            ("success", found.success.unwrap_or(f64::NAN)),
+        ],
+    });
+    Ok(())
+}
+
+/// Mean heuristic and success of a policy, over all variants.
+fn point(
+    state: &mut ImitationState,
+    policy: &Policy,
+    playground: &Playground<'_>,
+    imitation: &Imitation,
+    seed: &Seed,
+) -> Result<CurvePoint> {
+    let mut trajectories = Vec::new();
+    for variant in playground.specification().variant_ids() {
+        let seeds = seed.at(variant.0).many(imitation.evaluations);
+        trajectories.extend(rollout::play(playground, policy, imitation.acting, variant, seeds)?);
+    }
+    state.evaluated += trajectories.iter().map(Trajectory::steps).sum::<usize>() as u64;
+    let scores: Vec<Score> = trajectories.iter().map(|played| playground.score(played)).collect();
+    let count = scores.len() as f64;
+    let score = scores.iter().sum::<f64>() / count;
+    let squared_deviation = scores.iter().map(|other| (other - score).powi(2)).sum::<f64>();
+    Ok(CurvePoint {
+        updates: state.updates,
+        environment_steps: state.environment_steps,
+        score,
+        standard_error: (squared_deviation / (count - 1.0).max(1.0) / count).sqrt(),
+        success: playground.success_rate(&trajectories),
+        true_return: playground.mean_true_return(&trajectories),
+    })
+}

@@ -1,0 +1,447 @@
+//! Judging (§4.3; Algorithm 2): how much better does imitating each demonstration make the agent at the task?
+//!
+//! Every demonstration is adapted to from the same parameters, with the same random numbers, and the adapted policy is
+//! scored by the task's heuristic on the same evaluation episodes as the parameters themselves.
+//!
+//! | Algorithm 2 | here |
+//! |---|---|
+//! | 1, 2: for all e_j, for all v_i | [`units`], each with its repeats |
+//! | 3, 4: θ_ij ← θ, D_i ← D_meta | [`Start`] |
+//! | 5–10: adapt | [`crate::learning::adapt::adapt`] in [`bench`] |
+//! | 11: evaluate θ_ij for M random seeds | [`bench`] |
+//! | 12: S = K(after) − K(before) (Eq. 8) | [`Suitability::score`] |
+//! | 14: i_opt (Eq. 9) | [`crate::stages::select`] |
+//!
+//! Where we differ: an adaptation is repeated with other random numbers and the outcomes are pooled, and what is evaluated
+//! is the mean of its last θ, since a single θ of one short adaptation is a noisy witness.
+//! Repeats go where they are needed: who surely belongs to one side of the cut gets no more of them ([`race`]).
+//! θ may also be a policy that knows nothing, drawn anew for each repeat; that is judging from scratch (§5.4).
+
+mod bench;
+pub mod race;
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use bench::Bench;
+
+use crate::basics::error::Result;
+use crate::basics::observer::{Event, Observer};
+use crate::basics::seed::Seed;
+use crate::data::demonstration::{DemoId, DemonstrationSet};
+use crate::data::trajectory::Trajectory;
+use crate::learning::adapt::{InnerUpdate, Learner, MetaPrior, UpdateReport};
+use crate::world::environment::{EnvVariant, Specification};
+use crate::world::heuristic::Score;
+use crate::world::policy::{Policy, PolicyShape};
+use crate::world::rollout::{self, Acting, Playground};
+
+/// How demonstrations are judged.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Judging {
+    /// max_iter: inner updates per adaptation (§4.3: a few).
+    pub iterations: usize,
+    /// Of how many last θ of an adaptation the mean is evaluated; not in the paper.
+    pub averaged: usize,
+    /// M: evaluation seeds (Algorithm 2 line 11); not in the paper.
+    pub evaluations: usize,
+    /// Adaptations per demonstration and variant, each with its own random numbers; not in the paper.
+    pub repeats: usize,
+    /// Up to how many adaptations a demonstration gets while it may still belong to either side of the cut; none are added
+    /// where this is not more than `repeats`. Not in the paper.
+    pub most_repeats: usize,
+    /// How the policy acts when it is evaluated; sampling is what Algorithm 2 says, and shows what the mean action hides:
+    /// an agent that imitates a noisy demonstration becomes as noisy.
+    pub acting: Acting,
+}
+
+/// S_{v|e} with everything that it was made of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Suitability {
+    /// v_i.
+    pub demo: DemoId,
+    /// e_j.
+    pub variant: EnvVariant,
+    /// K before imitating: of the meta-parameters, `[1][M]`; of the policies that know nothing, one a repeat, `[repeats][M]`.
+    pub before: Vec<Vec<Score>>,
+    /// K after adapting, one an evaluation seed, for each repeat, `[repeats][M]`.
+    pub after: Vec<Vec<Score>>,
+    /// How far the adapted agent's evaluation episodes are from v_i (Table 1), one a repeat, `[repeats]`.
+    pub distances: Vec<f64>,
+    /// The adaptation curves, `[repeats][iterations]`.
+    pub curves: Vec<Vec<UpdateReport>>,
+}
+
+/// θ_ij: what came of imitating a demonstration under a variant, to be looked at.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AdaptedPolicy {
+    /// v_i.
+    pub demo: DemoId,
+    /// e_j.
+    pub variant: EnvVariant,
+    /// That of the first repeat, as it was evaluated.
+    pub policy: Policy,
+}
+
+/// What judging finds.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Judged {
+    /// S of all.
+    pub scores: ScoreTable,
+    /// One a suitability, in the same order.
+    pub adapted: Vec<AdaptedPolicy>,
+}
+
+impl Judged {
+    /// What was found under one variant, for a task of that variant alone, where it is number 0.
+    pub fn under(&self, variant: EnvVariant) -> Self {
+        let adapted = self.adapted.iter().filter(|adapted| adapted.variant == variant);
+        let mut under = Self { scores: self.scores.under(variant), adapted: adapted.cloned().collect() };
+        under.scores.suitabilities.iter_mut().for_each(|of| of.variant = EnvVariant(0));
+        under.adapted.iter_mut().for_each(|adapted| adapted.variant = EnvVariant(0));
+        under
+    }
+}
+
+impl Suitability {
+    /// S_{v|e} = K(τ after) − K(τ before), means over seeds and repeats (Eq. 8).
+    pub fn score(&self) -> Score {
+        self.mean_after() - self.mean_before()
+    }
+
+    /// Mean K before imitating.
+    pub fn mean_before(&self) -> Score {
+        mean_of_means(&self.before)
+    }
+
+    /// Mean K after adapting.
+    pub fn mean_after(&self) -> Score {
+        mean_of_means(&self.after)
+    }
+}
+
+fn mean_of_means(scores: &[Vec<Score>]) -> Score {
+    mean(&scores.iter().map(|scores| mean(scores)).collect::<Vec<_>>())
+}
+
+fn mean(scores: &[Score]) -> Score {
+    scores.iter().sum::<f64>() / scores.len().max(1) as f64
+}
+
+/// All suitabilities of a set: variants in order, demonstrations in order within each.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ScoreTable {
+    /// One an adaptation target.
+    pub suitabilities: Vec<Suitability>,
+}
+
+impl ScoreTable {
+    /// The adapted behaviors distance over the entire set (Table 1), the lower the better: how far from what was
+    /// demonstrated the adapted agents are, in the units of observations and actions; NaN of an empty table.
+    pub fn adapted_behaviors_distance(&self) -> f64 {
+        let distances: Vec<f64> = self.suitabilities.iter().map(|of| mean(&of.distances)).collect();
+        distances.iter().sum::<f64>() / distances.len() as f64
+    }
+
+    /// What was found under one variant (Eq. 9 is taken per variant).
+    pub fn under(&self, variant: EnvVariant) -> Self {
+        let under = self.suitabilities.iter().filter(|of| of.variant == variant);
+        Self { suitabilities: under.cloned().collect() }
+    }
+
+    /// The variants that were judged under, in order.
+    pub fn variants(&self) -> Vec<EnvVariant> {
+        let mut variants: Vec<EnvVariant> = self.suitabilities.iter().map(|of| of.variant).collect();
+        variants.sort_unstable();
+        variants.dedup();
+        variants
+    }
+}
+
+/// θ and D before a demonstration is imitated (Algorithm 2, lines 3 and 4).
+#[derive(Clone, Copy, Debug)]
+pub enum Start<'a> {
+    /// The meta-parameters, the same in every repeat.
+    Prior(&'a MetaPrior),
+    /// A learner that knows nothing, another one in every repeat (§5.4); the same for all demonstrations.
+    Untrained {
+        /// Of its policy.
+        shape: &'a PolicyShape,
+        /// Widths of its discriminator's hidden layers.
+        discriminator_hidden: &'a [usize],
+    },
+}
+
+impl<'a> Start<'a> {
+    /// From where a repeat starts; `seed` is that of judging.
+    pub fn learner(&self, set: &DemonstrationSet, repeat: usize, seed: &Seed) -> Cow<'a, Learner> {
+        match self {
+            Self::Prior(prior) => Cow::Borrowed(*prior),
+            Self::Untrained { shape, discriminator_hidden } => {
+                let seed = seed.of("start").at(repeat);
+                Cow::Owned(Learner::untrained(set, shape, discriminator_hidden, &seed))
+            }
+        }
+    }
+
+    /// How many different ones so many repeats start from.
+    fn count(&self, repeats: usize) -> usize {
+        match self {
+            Self::Prior(_) => 1,
+            Self::Untrained { .. } => repeats,
+        }
+    }
+}
+
+/// What is judged, and how.
+#[derive(Clone, Copy)]
+pub struct Trial<'a> {
+    /// V.
+    pub set: &'a DemonstrationSet,
+    /// E with K.
+    pub playground: &'a Playground<'a>,
+    /// θ with D_meta.
+    pub start: Start<'a>,
+    /// How an adaptation updates.
+    pub inner: &'a InnerUpdate,
+    /// How long, how often and on what it is evaluated.
+    pub judging: &'a Judging,
+    /// K of the top K: whom further repeats must tell apart.
+    pub cut: usize,
+    /// Names this judging among others in events.
+    pub part: &'a str,
+    /// All random numbers.
+    pub seed: &'a Seed,
+}
+
+/// One piece of judging that depends on no other: a demonstration imitated once under a variant, or, with no demonstration,
+/// what the agent is worth before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Unit {
+    /// e_j.
+    pub variant: EnvVariant,
+    /// Which repeat.
+    pub repeat: usize,
+    /// v_i, if one is imitated.
+    pub demo: Option<DemoId>,
+}
+
+/// What came of a unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// K, one an evaluation seed, `[M]`.
+    scores: Vec<Score>,
+    /// From what was demonstrated (Table 1).
+    distance: f64,
+    curve: Vec<UpdateReport>,
+    /// θ_ij, of the first repeat only.
+    policy: Option<Policy>,
+    /// Environment steps that it took.
+    played: u64,
+}
+
+/// Where judging stands; from here it goes on to the identical result.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct JudgingState {
+    finished: BTreeMap<Unit, Outcome>,
+}
+
+impl JudgingState {
+    /// Units that are finished.
+    pub fn done(&self) -> usize {
+        self.finished.len()
+    }
+
+    /// Environment steps that the finished units took, however often the run was killed between them.
+    pub fn played(&self) -> u64 {
+        self.finished.values().map(|outcome| outcome.played).sum()
+    }
+}
+
+/// Name of the stage in events.
+pub const STAGE: &str = "judge";
+
+/// Algorithm 2, continued from what `state` already holds.
+///
+/// Units are spread over threads as wholes; what comes out does not depend on their number.
+///
+/// ```
+/// use demosift::learning::adapt::Learner;
+/// use demosift::stages::judge::{JudgingState, Start, Trial, judge};
+/// use demosift::basics::observer::Silent;
+/// use demosift::world::point_mass::{PointMass, planted_set};
+/// use demosift::run::preset::Preset;
+/// use demosift::world::rollout::Playground;
+/// use demosift::basics::seed::Seed;
+///
+/// // Degrees away from the goal; the second demonstration leads there.
+/// let set = planted_set(&[180.0, 0.0, 100.0], Seed::new(1))?;
+/// let mut config = Preset::Quick.config();
+/// (config.inner.batch_steps, config.judge.iterations) = (600, 12);
+/// config.inner.alphas = vec![1.0, 0.5]; // half steps after the first
+///
+/// // Any prior can be judged from; this one knows nothing, and `meta_train` makes better ones.
+/// let prior = Learner::untrained(&set, &config.policy, &[32, 32], &Seed::new(7));
+/// let task = PointMass::new();
+/// let trial = Trial {
+///     set: &set,
+///     playground: &Playground::new(&task),
+///     start: Start::Prior(&prior),
+///     inner: &config.inner,
+///     judging: &config.judge,
+///     cut: 1,
+///     part: "",
+///     seed: &Seed::new(7),
+/// };
+/// let mut nothing = JudgingState::default(); // or what was judged before a kill
+/// let judged = judge(&trial, &mut nothing, &mut Silent)?;
+///
+/// // One suitability for each demonstration under each of the task's variants, which here is one.
+/// let scores: Vec<f64> = judged.scores.suitabilities.iter().map(|of| of.score()).collect();
+/// assert_eq!(scores.len(), 3);
+/// assert!(scores[1] > scores[2] && scores[2] > scores[0], "{scores:?} m nearer to the goal");
+/// // The policies that imitated them are there too, to be looked at.
+/// assert_eq!(judged.adapted.len(), 3);
+/// # Ok::<(), demosift::Error>(())
+/// ```
+pub fn judge(trial: &Trial<'_>, state: &mut JudgingState, observer: &mut dyn Observer) -> Result<Judged> {
+    let bench = Bench::new(trial);
+    let most = most_units(trial);
+    observer.on(Event::Started { stage: STAGE, done: state.done(), total: most });
+    for round in 0..rounds(trial.judging) {
+        let units = units(trial, state, round);
+        bench.play(&units, state, observer)?;
+    }
+    Ok(assemble(trial, state))
+}
+
+/// Rounds of repeats: the first holds those that everybody gets, each further one a repeat of whoever is still contested.
+fn rounds(judging: &Judging) -> usize {
+    1 + judging.most_repeats.saturating_sub(judging.repeats)
+}
+
+/// The repeats of a round.
+fn repeats(judging: &Judging, round: usize) -> std::ops::Range<usize> {
+    match round {
+        0 => 0..judging.repeats,
+        round => judging.repeats + round - 1..judging.repeats + round,
+    }
+}
+
+/// How many units there are if nobody is ever sure.
+fn most_units(trial: &Trial<'_>) -> usize {
+    let most = trial.judging.repeats.max(trial.judging.most_repeats);
+    let variants = trial.playground.specification().variants.len();
+    variants * (trial.set.len() * most + trial.start.count(most))
+}
+
+/// What a round has to do, repeat by repeat: under each variant, those whose side of the cut is still open.
+fn units(trial: &Trial<'_>, state: &JudgingState, round: usize) -> Vec<Unit> {
+    let mut units = Vec::new();
+    for repeat in repeats(trial.judging, round) {
+        for variant in trial.playground.specification().variant_ids() {
+            let contested = contested(trial, state, variant, round);
+            let starts = repeat < trial.start.count(repeat + 1) && !contested.is_empty();
+            units.extend(starts.then_some(Unit { variant, repeat, demo: None }));
+            units.extend(contested.into_iter().map(|demo| Unit { variant, repeat, demo: Some(demo) }));
+        }
+    }
+    units
+}
+
+/// Lines 1 and 2: for all e_j, for all v_i.
+fn contested(trial: &Trial<'_>, state: &JudgingState, variant: EnvVariant, round: usize) -> Vec<DemoId> {
+    if round == 0 {
+        return trial.set.ids();
+    }
+    let before = repeats(trial.judging, round).start;
+    let mut means: Vec<Vec<f64>> = vec![Vec::new(); trial.set.len()];
+    for (unit, outcome) in &state.finished {
+        if let (true, Some(demo)) = (unit.variant == variant && unit.repeat < before, unit.demo) {
+            means[demo.0].push(mean(&outcome.scores));
+        }
+    }
+    let looks = rounds(trial.judging) - 1;
+    let open = race::contested(&means, &race::Race { cut: trial.cut, looks, level: race::LEVEL });
+    open.into_iter().map(DemoId).collect()
+}
+
+/// The units as a table.
+fn assemble(trial: &Trial<'_>, state: &JudgingState) -> Judged {
+    let mut judged = Judged::default();
+    for variant in trial.playground.specification().variant_ids() {
+        let under = |demo: Option<DemoId>| {
+            let finished = state.finished.iter();
+            finished.filter(move |(unit, _)| unit.variant == variant && unit.demo == demo).map(|(_, out)| out)
+        };
+        let before: Vec<Vec<Score>> = under(None).map(|outcome| outcome.scores.clone()).collect();
+        for demo in trial.set.ids() {
+            let of_demo = || under(Some(demo));
+            judged.scores.suitabilities.push(Suitability {
+                demo,
+                variant,
+                before: before.clone(),
+                after: of_demo().map(|outcome| outcome.scores.clone()).collect(),
+                distances: of_demo().map(|outcome| outcome.distance).collect(),
+                curves: of_demo().map(|outcome| outcome.curve.clone()).collect(),
+            });
+            let policy = of_demo().find_map(|outcome| outcome.policy.clone());
+            let policy = policy.expect("the first repeat keeps its policy");
+            judged.adapted.push(AdaptedPolicy { demo, variant, policy });
+        }
+    }
+    judged
+}
+
+/// Environment steps that judging so many demonstrations takes at most, where episodes last to the horizon; exact where no
+/// repeats are added.
+pub fn steps(demonstrations: usize, task: &Specification, how: &Cost<'_>) -> u64 {
+    let Cost { judging, inner, starts_anew } = *how;
+    let repeats = judging.repeats.max(judging.most_repeats);
+    let adaptations = demonstrations * repeats;
+    let starts = if starts_anew { repeats } else { 1 };
+    let adapting = adaptations * judging.iterations * inner.episodes(task.horizon);
+    let evaluating = (starts + adaptations) * judging.evaluations;
+    ((adapting + evaluating) * task.horizon * task.variants.len()) as u64
+}
+
+/// What decides how much judging plays.
+#[derive(Clone, Copy, Debug)]
+pub struct Cost<'a> {
+    /// How long, how often and on what it is evaluated.
+    pub judging: &'a Judging,
+    /// How an adaptation updates.
+    pub inner: &'a InnerUpdate,
+    /// Whether each repeat starts from a policy of its own ([`Start::Untrained`]).
+    pub starts_anew: bool,
+}
+
+/// One of the episodes in which the agent was scored, played again as it was to the bit: before imitating or after, as
+/// the policy is; with its seed.
+///
+/// `seed` is that of [`judge`], and `evaluation` counts the M evaluation seeds from 0.
+pub fn replay(
+    playground: &Playground<'_>,
+    policy: &Policy,
+    judging: &Judging,
+    (variant, evaluation): (EnvVariant, usize),
+    seed: &Seed,
+) -> Result<(Trajectory, Seed)> {
+    let seed = || {
+        evaluation_seeds(&seed_under(seed, playground, variant), judging.evaluations).swap_remove(evaluation)
+    };
+    let played = rollout::play(playground, policy, judging.acting, variant, vec![seed()])?;
+    Ok((played.into_iter().next().expect("one seed, one episode"), seed()))
+}
+
+/// By name, so that a task under one of its variants alone is judged by the same random numbers.
+fn seed_under(seed: &Seed, playground: &Playground<'_>, variant: EnvVariant) -> Seed {
+    seed.of(&playground.specification().variants[variant.0])
+}
+
+fn evaluation_seeds(seed: &Seed, evaluations: usize) -> Vec<Seed> {
+    seed.of("evaluate").many(evaluations)
+}

@@ -1,0 +1,150 @@
+//! Racing (Maron and Moore 1994): further repeats go only to those that may still belong to either side of the cut.
+//!
+//! Each demonstration has an interval for the mean of its repeats.
+//! All intervals of all looks hold together with the probability `level`: each is as wide as Bonferroni's correction over
+//! demonstrations and looks asks for.
+//! So stopping by them does not make them wrong, however often one looks.
+
+use statrs::distribution::{ContinuousCDF as _, StudentsT};
+
+/// The probability with which every decision of a race is right.
+pub const LEVEL: f64 = 0.9;
+
+/// How many degrees of freedom the mean variance of the set is worth beside a demonstration's own.
+///
+/// Three repeats say little of a spread; see [`crate::results::uncertainty`], which does the same.
+const POOLING: f64 = 4.0;
+
+/// What a race is about.
+#[derive(Clone, Copy, Debug)]
+pub struct Race {
+    /// K of the top K.
+    pub cut: usize,
+    /// How often one will look, at least 1.
+    pub looks: usize,
+    /// The probability with which every decision is right.
+    pub level: f64,
+}
+
+/// Who may still belong to either side of the cut, ascending; `means` holds the scores of each demonstration, one a repeat.
+///
+/// Nobody is sure of a side before all have two repeats.
+///
+/// ```
+/// use demosift::stages::judge::race::{Race, contested};
+///
+/// let race = Race { cut: 1, looks: 1, level: 0.9 };
+/// let means = vec![vec![9.0, 9.2, 8.9], vec![8.8, 9.3, 9.1], vec![1.0, 1.1, 0.9]];
+/// assert_eq!(contested(&means, &race), [0, 1]);
+/// ```
+pub fn contested(means: &[Vec<f64>], race: &Race) -> Vec<usize> {
+    let all: Vec<usize> = (0..means.len()).collect();
+    if race.cut >= means.len() {
+        return Vec::new();
+    }
+    if means.iter().any(|repeats| repeats.len() < 2) {
+        return all;
+    }
+    let intervals = intervals(means, race);
+    let others = |index: usize| intervals.iter().enumerate().filter(move |(other, _)| *other != index);
+    let is_open = |index: &usize| {
+        let own = intervals[*index];
+        let maybe_above = others(*index).filter(|(_, other)| other.high >= own.low).count();
+        let surely_above = others(*index).filter(|(_, other)| other.low > own.high).count();
+        maybe_above >= race.cut && surely_above < race.cut
+    };
+    all.into_iter().filter(is_open).collect()
+}
+
+#[derive(Clone, Copy)]
+struct Interval {
+    low: f64,
+    high: f64,
+}
+
+fn intervals(means: &[Vec<f64>], race: &Race) -> Vec<Interval> {
+    let centers: Vec<f64> = means.iter().map(|repeats| mean(repeats)).collect();
+    let squares = |(repeats, center): (&Vec<f64>, &f64)| -> f64 {
+        repeats.iter().map(|value| (value - center).powi(2)).sum()
+    };
+    let own: Vec<f64> = means.iter().zip(&centers).map(squares).collect();
+    let freedom: f64 = means.iter().map(|repeats| repeats.len() as f64 - 1.0).sum();
+    let common = own.iter().sum::<f64>() / freedom;
+    let tail = (1.0 - race.level) / (2.0 * means.len() as f64 * race.looks.max(1) as f64);
+    let interval = |((repeats, center), squares): ((&Vec<f64>, &f64), &f64)| {
+        let freedom = repeats.len() as f64 - 1.0 + POOLING;
+        let variance = (squares + POOLING * common) / freedom;
+        let student = StudentsT::new(0.0, 1.0, freedom).expect("there is some freedom");
+        let half = student.inverse_cdf(1.0 - tail) * (variance / repeats.len() as f64).sqrt();
+        Interval { low: center - half, high: center + half }
+    };
+    means.iter().zip(&centers).zip(&own).map(interval).collect()
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_distr::{Distribution as _, Normal};
+
+    use super::*;
+    use crate::basics::seed::Seed;
+
+    #[test]
+    fn who_is_surely_on_one_side_is_left_alone() {
+        let race = |cut| Race { cut, looks: 3, level: 0.9 };
+        let means = vec![vec![9.0, 9.2, 8.9], vec![5.0, 5.1, 4.9], vec![1.0, 1.1, 0.9], vec![1.1, 1.0, 0.8]];
+        assert!(contested(&means, &race(1)).is_empty());
+        assert!(contested(&means, &race(2)).is_empty());
+        assert_eq!(contested(&means, &race(3)), [2, 3]);
+        assert!(contested(&means, &race(4)).is_empty(), "all belong to the top");
+        assert_eq!(
+            contested(&[vec![1.0], vec![2.0]], &race(1)),
+            [0, 1],
+            "one repeat says nothing of a spread"
+        );
+    }
+
+    /// What came of many races of six with known means.
+    struct Raced {
+        /// In which anybody was put on the wrong side.
+        wrong: usize,
+        /// Repeats that nobody needed.
+        spared: usize,
+    }
+
+    fn raced(truth: [f64; 6], races: usize) -> Raced {
+        let (cut, first, most) = (2, 3, 9);
+        let race = Race { cut, looks: most - first, level: 0.9 };
+        let normal = Normal::new(0.0, 1.0).expect("a spread of one");
+        let mut raced = Raced { wrong: 0, spared: 0 };
+        for number in 0..races {
+            let mut rng = Seed::new(5).at(number).into_rng();
+            let mut repeat = |index: usize| truth[index] + normal.sample(&mut rng);
+            let mut means: Vec<Vec<f64>> =
+                (0..truth.len()).map(|index| (0..first).map(|_| repeat(index)).collect()).collect();
+            for _ in first..most {
+                let open = contested(&means, &race);
+                open.iter().for_each(|&index| means[index].push(repeat(index)));
+                raced.spared += truth.len() - open.len();
+            }
+            let open = contested(&means, &race);
+            let mut order: Vec<usize> = (0..truth.len()).collect();
+            order.sort_by(|&a, &b| mean(&means[b]).total_cmp(&mean(&means[a])));
+            let misplaced = |index: &usize| !open.contains(index) && *index < truth.len() - cut;
+            raced.wrong += usize::from(order[..cut].iter().any(misplaced));
+        }
+        raced
+    }
+
+    #[test]
+    fn decisions_are_right_as_often_as_the_level_says_however_often_one_looks() {
+        let close = raced([0.0, 0.5, 1.0, 1.5, 2.0, 2.5], 1000);
+        assert!(close.wrong <= 100, "{} of 1000 races put a demonstration on the wrong side", close.wrong);
+        // Where the good ones are far ahead, nearly all of the six further repeats of all six are spared.
+        let clear = raced([0.0, 1.0, 2.0, 3.0, 20.0, 21.0], 100);
+        assert!(clear.wrong == 0 && clear.spared > 3000, "{} of 3600 repeats were spared", clear.spared);
+    }
+}

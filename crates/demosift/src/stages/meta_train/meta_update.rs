@@ -1,0 +1,128 @@
+//! Lines 18 and 19 of Algorithm 1 by GAIL: θ and D_meta move so that the adapted policies would have imitated better.
+//!
+//! | Algorithm 1 | here |
+//! |---|---|
+//! | 18: meta-update θ as (2) | [`meta_update_policy`] |
+//! | 19: meta-update D_meta as (3) | [`meta_update_discriminator`] |
+
+use rayon::prelude::*;
+
+use super::{
+    Before, MetaState, MetaTraining, Order, Outcome, PlayedRound, before_under, cloning, total_weight,
+};
+use crate::basics::error::{Error, Result};
+use crate::learning::adapt::{InnerUpdate, Rule};
+use crate::learning::gail;
+use crate::learning::trpo::{self, Adaptation, Branch, Step};
+use crate::math::rows::Rows;
+use crate::world::policy::Policy;
+
+/// Lines 18 and 19; gives numbers to report.
+pub(super) fn meta_update(
+    state: &mut MetaState,
+    demonstrated: &[Rows],
+    played: &PlayedRound,
+    (training, inner): (&MetaTraining, &InnerUpdate),
+) -> Result<Vec<(&'static str, f64)>> {
+    match inner.imitation {
+        Rule::Gail => {
+            let step = meta_update_policy(&mut state.prior.policy, played, training, inner)?;
+            meta_update_discriminator(state, demonstrated, &played.outcomes, training, inner)?;
+            Ok(vec![("meta_kl", step.kl), ("meta_improvement", step.improvement)])
+        }
+        Rule::BehavioralCloning => {
+            cloning::meta_update(state, demonstrated, &played.outcomes, (training, inner))
+        }
+    }
+}
+
+/// Line 18, Eq. 2: θ moves so that all adapted θ'_i imitate better, each by its weight c_i (§4.4); to first order they move
+/// together with it, to second each as its adaptation carries it along.
+///
+/// The weights share out the trust region too, so that what counts for nothing does not hold θ back.
+pub(super) fn meta_update_policy(
+    policy: &mut Policy,
+    PlayedRound { before, outcomes, .. }: &PlayedRound,
+    training: &MetaTraining,
+    inner: &InnerUpdate,
+) -> Result<Step> {
+    let advantages: Vec<Vec<f32>> = outcomes
+        .par_iter()
+        .map(|outcome| {
+            let rewards = gail::imitation_rewards(&outcome.adapted.discriminator, &outcome.after.pairs);
+            outcome.after.advantages(&rewards, &inner.advantage)
+        })
+        .collect::<Result<_>>()?;
+    let total = total_weight(outcomes);
+    let experiences = outcomes.iter().zip(&advantages).map(|(outcome, advantages)| {
+        outcome.after.experiences(&outcome.adapted.policy, advantages, outcome.weight / total)
+    });
+    let region = &training.trust_region;
+    let step = match training.order {
+        Order::First => trpo::step(&experiences.flatten().collect::<Vec<_>>(), region, 1.0)?,
+        Order::Second => {
+            let advantages_before = advantages_before(before, outcomes, inner)?;
+            let acted = outcomes.iter().zip(&advantages_before);
+            let branches = experiences.zip(acted).map(|(experiences, (outcome, advantages))| {
+                let adaptation = adaptation(policy, before, (outcome, advantages), inner);
+                Branch { experiences, adaptation: Some(adaptation) }
+            });
+            trpo::step_through(branches.collect(), region, 1.0)?
+        }
+    };
+    *policy = policy.moved(&step.displacement);
+    Ok(step)
+}
+
+/// The advantages by which line 8 adapted θ to each demonstration, from the discriminator of line 9.
+fn advantages_before(before: &[Before], outcomes: &[Outcome], inner: &InnerUpdate) -> Result<Vec<Vec<f32>>> {
+    let advantages = |Outcome { adapted, variant, .. }: &Outcome| {
+        let before = before_under(before, *variant);
+        before.advantages(&gail::imitation_rewards(&adapted.discriminator, &before.pairs), &inner.advantage)
+    };
+    outcomes.par_iter().map(advantages).collect()
+}
+
+/// How a θ'_i moves with θ: the step of line 8, on the trajectories of line 7.
+fn adaptation<'a>(
+    policy: &'a Policy,
+    before: &'a [Before],
+    (outcome, advantages): (&Outcome, &'a [f32]),
+    inner: &InnerUpdate,
+) -> Adaptation<'a, f32> {
+    let experiences = before_under(before, outcome.variant).experiences(policy, advantages, 1.0);
+    Adaptation::new(&experiences, &inner.trust_region, outcome.update.natural_step.unwrap_or(0.0))
+}
+
+/// Line 19, Eq. 3: D_meta ← D_meta − β Σ_i c_i·(Ê_τi[∇ −log D'_i] + Ê_vi[∇ −log(1 − D'_i)]).
+///
+/// Adam takes the step, to which the mean over i is what the sum is.
+pub(super) fn meta_update_discriminator(
+    state: &mut MetaState,
+    demonstrated: &[Rows],
+    outcomes: &[Outcome],
+    training: &MetaTraining,
+    inner: &InnerUpdate,
+) -> Result<()> {
+    let entropy = inner.discriminator.entropy;
+    let gradients: Vec<Vec<f32>> = outcomes
+        .par_iter()
+        .map(|Outcome { demo, adapted, after, .. }| {
+            let demonstrated = &[&demonstrated[demo.0]];
+            gail::loss_and_gradient(&adapted.discriminator, &[&after.pairs], demonstrated, entropy).1
+        })
+        .collect();
+    let mut gradient = vec![0.0; state.prior.discriminator.parameters().len()];
+    let total = total_weight(outcomes) as f32;
+    for (part, outcome) in gradients.iter().zip(outcomes) {
+        let weight = outcome.weight as f32;
+        gradient.iter_mut().zip(part).for_each(|(sum, value)| *sum += value * weight / total);
+    }
+    if gradient.iter().any(|value| !value.is_finite()) {
+        return Err(Error::diverged("the gradient of the meta-discriminator is not a finite number"));
+    }
+    let mut parameters = state.prior.discriminator.parameters().to_vec();
+    state.discriminator_adam.descend(training.discriminator_learning_rate as f32, &gradient, &mut parameters);
+    state.prior.discriminator = state.prior.discriminator.with_parameters(parameters);
+    Ok(())
+}

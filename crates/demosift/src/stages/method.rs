@@ -1,0 +1,263 @@
+//! The paper's methods of judging (§5, §5.4) under one interface, and the budget that is the same for all of them.
+//!
+//! A method is a way to make the parameters that judging adapts to each demonstration.
+//! All may spend the environment steps that meta-training and judging by plain MAML spend, the *quota* of §5.4; this file
+//! is the one place that says how each spends them.
+//!
+//! | method | makes the prior by | spends the quota on |
+//! |---|---|---|
+//! | `maml` | Algorithm 1 without its lines 10 to 14 | the configuration's rounds and judging: that is the quota |
+//! | `maml-mi` | Algorithm 1 | the same judging, and as many whole rounds as the rest pays for: lines 10 and 12 play too |
+//! | `avg-fine-tune` | imitating the entire set | the same judging, and as many updates as the rest pays for |
+//! | `from-scratch` | nothing: an untrained policy | judging alone, with as many iterations of every adaptation as it pays for |
+//!
+//! What a method cannot spend is less than one of its own steps: a round, an update, or an iteration of every adaptation.
+//! All counts take episodes to last to the horizon; where they end early, every method plays as many but shorter ones.
+//! By behavioral cloning, which plays nothing to learn, the quota is counted in inner updates instead, and what mutual
+//! information plays comes on top; an update toward the entire set goes over more pairs than one toward a demonstration.
+//! The policies learned from subsets afterwards are no part of the quota; they have a budget of their own.
+//!
+//! Where we differ: the paper counts the quota in iterations, which cost different things in meta-training and judging;
+//! environment steps cost the same everywhere.
+
+use serde::{Deserialize, Serialize};
+
+use crate::basics::error::{Error, Result};
+use crate::basics::seed::Seed;
+use crate::data::demonstration::DemonstrationSet;
+use crate::learning::adapt::{InnerUpdate, Rule};
+use crate::stages::judge::{self, Cost, Judging};
+use crate::stages::meta_train::{self, MetaTraining, MutualInformation};
+use crate::stages::pre_train;
+use crate::world::rollout::Playground;
+
+/// How the parameters are made that judging adapts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Meta-imitation-learning (§4.1).
+    Maml,
+    /// Meta-imitation-learning, regularized by mutual information (§4.2).
+    MamlMi,
+    /// Pre-training on the entire set, then fine-tuning (§5).
+    AvgFineTune,
+    /// Nothing: each demonstration is imitated by an untrained policy (§5.4).
+    FromScratch,
+}
+
+impl Method {
+    /// All methods by name, in the order of the table above.
+    pub const ALL: [(&'static str, Self); 4] = [
+        ("maml", Self::Maml),
+        ("maml-mi", Self::MamlMi),
+        ("avg-fine-tune", Self::AvgFineTune),
+        ("from-scratch", Self::FromScratch),
+    ];
+
+    /// Name of the stage that makes the prior, if there is one.
+    pub fn stage(self) -> Option<&'static str> {
+        match self {
+            Self::Maml | Self::MamlMi => Some(meta_train::STAGE),
+            Self::AvgFineTune => Some(pre_train::STAGE),
+            Self::FromScratch => None,
+        }
+    }
+}
+
+impl std::fmt::Display for Method {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (name, _) = Self::ALL.iter().find(|(_, method)| method == self).expect("all methods have a name");
+        name.fmt(out)
+    }
+}
+
+/// What a configuration asks of meta-training and judging.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked<'a> {
+    /// Meta-training.
+    pub training: &'a MetaTraining,
+    /// The inner update of both.
+    pub inner: &'a InnerUpdate,
+    /// What mutual information would play.
+    pub information: &'a MutualInformation,
+    /// Judging.
+    pub judging: &'a Judging,
+}
+
+/// How a method spends the quota.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Plan {
+    /// Environment steps that it may spend.
+    pub quota: u64,
+    /// Rounds of meta-training, or updates of pre-training.
+    pub updates: usize,
+    /// Inner updates of each adaptation in judging.
+    pub iterations: usize,
+}
+
+/// How a method spends the quota; `seed` is that of meta-training.
+pub fn plan(
+    method: Method,
+    set: &DemonstrationSet,
+    playground: &Playground<'_>,
+    asked: &Asked<'_>,
+    seed: &Seed,
+) -> Plan {
+    match asked.inner.imitation {
+        Rule::Gail => plan_by_steps(method, set, playground, asked, seed),
+        Rule::BehavioralCloning => plan_by_updates(method, set, playground, asked, seed),
+    }
+}
+
+/// The quota in environment steps.
+fn plan_by_steps(
+    method: Method,
+    set: &DemonstrationSet,
+    playground: &Playground<'_>,
+    asked: &Asked<'_>,
+    seed: &Seed,
+) -> Plan {
+    let Asked { training, inner, information, judging } = *asked;
+    let rounds =
+        |information| meta_train::steps_by_round(set, playground, (training, inner, information), seed);
+    let cost = |judging| Cost { judging, inner, starts_anew: false };
+    let judged = judge::steps(set.len(), playground.specification(), &cost(judging));
+    let learned: u64 = rounds(None).take(training.rounds).sum();
+    let plain = Plan { quota: learned + judged, updates: training.rounds, iterations: judging.iterations };
+    match method {
+        Method::Maml => plain,
+        Method::MamlMi => Plan { updates: affordable(rounds(Some(information)), learned), ..plain },
+        Method::AvgFineTune => {
+            let update = pre_train::steps_of_update(inner, playground.specification().horizon);
+            Plan { updates: (learned / update) as usize, ..plain }
+        }
+        Method::FromScratch => {
+            let longer = Judging { iterations: judging.iterations + 1, ..judging.clone() };
+            let iteration = judge::steps(set.len(), playground.specification(), &cost(&longer)) - judged;
+            let iterations = judging.iterations + (learned / iteration) as usize;
+            Plan { updates: 0, iterations, ..plain }
+        }
+    }
+}
+
+/// The quota in inner updates; what a method then plays is what it may.
+fn plan_by_updates(
+    method: Method,
+    set: &DemonstrationSet,
+    playground: &Playground<'_>,
+    asked: &Asked<'_>,
+    seed: &Seed,
+) -> Plan {
+    let Asked { training, inner, information, judging } = *asked;
+    let task = playground.specification();
+    let learned = training.rounds * training.meta_batch.min(set.len());
+    let (updates, iterations) = match method {
+        Method::Maml | Method::MamlMi => (training.rounds, judging.iterations),
+        Method::AvgFineTune => (learned, judging.iterations),
+        Method::FromScratch => {
+            let at_once = set.len() * judging.repeats * task.variants.len();
+            (0, judging.iterations + learned / at_once)
+        }
+    };
+    let information = (method == Method::MamlMi).then_some(information);
+    let learned: u64 = match method {
+        Method::AvgFineTune => pre_train::steps_of_update(inner, task.horizon) * updates as u64,
+        _ => {
+            let rounds = meta_train::steps_by_round(set, playground, (training, inner, information), seed);
+            rounds.take(updates).sum()
+        }
+    };
+    let judging = Judging { iterations, ..judging.clone() };
+    let cost = Cost { judging: &judging, inner, starts_anew: false };
+    Plan { quota: learned + judge::steps(set.len(), task, &cost), updates, iterations }
+}
+
+/// Whether the budget pays for any learning, where some is asked for.
+///
+/// # Errors
+/// `is_bad_config` if it does not; says what would be enough.
+pub fn check_budget(
+    method: Method,
+    set: &DemonstrationSet,
+    playground: &Playground<'_>,
+    asked: &Asked<'_>,
+    seed: &Seed,
+) -> Result<()> {
+    let Asked { training, inner, information, .. } = *asked;
+    let learns = method.stage().is_some() && training.rounds > 0;
+    if !learns || plan(method, set, playground, asked, seed).updates > 0 {
+        return Ok(());
+    }
+    let rounds =
+        |information| meta_train::steps_by_round(set, playground, (training, inner, information), seed);
+    let price = match method {
+        Method::AvgFineTune => pre_train::steps_of_update(inner, playground.specification().horizon),
+        _ => rounds(Some(information)).next().unwrap_or(0),
+    };
+    let budget: u64 = rounds(None).take(training.rounds).sum();
+    // As many as the first is affordable after, and one more if that is not exactly its price.
+    let enough = 1 + affordable(rounds(None), price.saturating_sub(1));
+    Err(Error::bad_config(format!(
+        "meta_train.rounds = {} gives learning a budget of {budget} environment steps, and the first step of {method} \
+         takes {price}; meta_train.rounds must be at least {enough}",
+        training.rounds
+    )))
+}
+
+/// How many things in a row can be paid for.
+fn affordable(prices: impl Iterator<Item = u64>, budget: u64) -> usize {
+    let sums = prices.scan(0, |sum, price| {
+        *sum += price;
+        Some(*sum)
+    });
+    sums.take_while(|sum| *sum <= budget).count()
+}
+
+/// Environment steps that a stage of a run really played.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Spent {
+    /// In all, evaluations among them.
+    pub environment_steps: u64,
+}
+
+/// What the stages of a run cost, beside what they may.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Costs {
+    /// Of this method.
+    pub method: Method,
+    /// Its budget.
+    pub plan: Plan,
+    /// Name of the stage in which the method's agent was judged.
+    pub judging: String,
+    /// Each finished stage by name, in the order of the flow.
+    pub spent: Vec<(String, Spent)>,
+}
+
+impl Costs {
+    /// Environment steps spent of the quota: those of making the prior and of judging.
+    pub fn of_quota(&self) -> u64 {
+        let counts = |stage: &str| Some(stage) == self.method.stage() || stage == self.judging;
+        let spent = self.spent.iter().filter(|(stage, _)| counts(stage));
+        spent.map(|(_, spent)| spent.environment_steps).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn affordable_is_what_a_purse_pays_for_one_by_one() {
+        assert_eq!(affordable([3, 1, 4, 1].into_iter(), 8), 3);
+        assert_eq!(affordable([3, 1, 4, 1].into_iter(), 7), 2);
+        assert_eq!(affordable(std::iter::repeat(5), 4), 0);
+    }
+
+    #[test]
+    fn methods_are_written_as_they_are_read() {
+        for (name, method) in Method::ALL {
+            assert_eq!(method.to_string(), name);
+            assert_eq!(serde_json::to_value(method).expect("plain data"), name);
+        }
+    }
+}

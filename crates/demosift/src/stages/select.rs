@@ -1,0 +1,241 @@
+//! Selecting demonstrations (§4.3 Eq. 9, §4.4, §5.2): a ranking by suitability, and its top K.
+
+use serde::{Deserialize, Serialize};
+
+use crate::basics::error::{Error, Result};
+use crate::data::demonstration::DemoId;
+use crate::stages::judge::ScoreTable;
+use crate::world::environment::EnvVariant;
+use crate::world::heuristic::Score;
+
+/// Demonstrations from the most to the least suitable.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Ranking {
+    /// The most suitable first.
+    pub entries: Vec<Ranked>,
+}
+
+/// One place of a ranking.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Ranked {
+    /// v_i.
+    pub demo: DemoId,
+    /// Mean K of the meta-parameters.
+    pub before: Score,
+    /// Mean K after adapting.
+    pub after: Score,
+    /// S (Eq. 8): how much better imitating it made the agent; the mean over variants where all are ranked together.
+    pub score: Score,
+}
+
+/// Which demonstrations to learn from, ordered by rank.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Subset {
+    /// The chosen demonstrations, the most suitable first.
+    pub demos: Vec<DemoId>,
+}
+
+/// How many demonstrations to keep, written `quarter`, `auto`, `weights` or a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
+pub enum Keep {
+    /// A quarter of the set, rounded up.
+    Quarter,
+    /// Those that this budget shows to be worth it; see [`crate::results::uncertainty`].
+    Auto,
+    /// Those that end up heavy enough in the selection by weights; see [`crate::stages::subset_selection`].
+    Weights,
+    /// K of the top K.
+    Count(usize),
+}
+
+impl Keep {
+    /// What may stand in place of a number, for errors.
+    pub const WORDS: &str = "auto, weights, or quarter";
+
+    /// K of the top K of a set of so many, as far as it is known before judging: a quarter, rounded up, where judging finds it.
+    pub fn count_before_judging(self, demonstrations: usize) -> usize {
+        match self {
+            Self::Count(count) => count,
+            Self::Quarter | Self::Auto | Self::Weights => demonstrations.div_ceil(4),
+        }
+    }
+}
+
+impl std::fmt::Display for Keep {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Quarter => "quarter".fmt(out),
+            Self::Auto => "auto".fmt(out),
+            Self::Weights => "weights".fmt(out),
+            Self::Count(count) => count.fmt(out),
+        }
+    }
+}
+
+impl std::str::FromStr for Keep {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match (text, text.parse()) {
+            ("quarter", _) => Ok(Self::Quarter),
+            ("auto", _) => Ok(Self::Auto),
+            ("weights", _) => Ok(Self::Weights),
+            (_, Ok(count)) => Ok(Self::Count(count)),
+            _ => Err(Error::bad_config(format!(
+                "keep = {text}, and must be {}, or a number of demonstrations",
+                Self::WORDS.replace(" or", "")
+            ))),
+        }
+    }
+}
+
+impl TryFrom<String> for Keep {
+    type Error = Error;
+
+    fn try_from(text: String) -> Result<Self> {
+        text.parse()
+    }
+}
+
+impl From<Keep> for String {
+    fn from(keep: Keep) -> Self {
+        keep.to_string()
+    }
+}
+
+/// The ranking over all variants by mean suitability (Eq. 9 for a single variant); ties by id.
+pub fn rank(table: &ScoreTable) -> Ranking {
+    rank_where(table, |_| true)
+}
+
+/// The ranking under one variant e_j (Eq. 9); ties by id.
+pub fn rank_under(table: &ScoreTable, variant: EnvVariant) -> Ranking {
+    rank_where(table, |of| of == variant)
+}
+
+fn rank_where(table: &ScoreTable, counts: impl Fn(EnvVariant) -> bool) -> Ranking {
+    let mut demos: Vec<DemoId> = table.suitabilities.iter().map(|suitability| suitability.demo).collect();
+    demos.sort_unstable();
+    demos.dedup();
+    let mut entries: Vec<Ranked> = demos.into_iter().filter_map(|demo| entry(table, demo, &counts)).collect();
+    entries.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.demo.cmp(&b.demo)));
+    Ranking { entries }
+}
+
+fn entry(table: &ScoreTable, demo: DemoId, counts: &impl Fn(EnvVariant) -> bool) -> Option<Ranked> {
+    let of_demo: Vec<_> =
+        table.suitabilities.iter().filter(|s| s.demo == demo && counts(s.variant)).collect();
+    let count = of_demo.len() as f64;
+    (!of_demo.is_empty()).then(|| Ranked {
+        demo,
+        before: of_demo.iter().map(|s| s.mean_before()).sum::<f64>() / count,
+        after: of_demo.iter().map(|s| s.mean_after()).sum::<f64>() / count,
+        score: of_demo.iter().map(|s| s.score()).sum::<f64>() / count,
+    })
+}
+
+/// The first K of a ranking (§5.2).
+///
+/// ```
+/// use demosift::data::demonstration::DemoId;
+/// use demosift::world::environment::EnvVariant;
+/// use demosift::stages::judge::{ScoreTable, Suitability};
+/// use demosift::stages::select::{rank, rank_under, top_k};
+///
+/// // What judging found of a demonstration under a variant: K before and after imitating it, one an evaluation seed.
+/// let found = |demo, variant, before: [f64; 2], after: [f64; 2]| Suitability {
+///     demo: DemoId(demo),
+///     variant: EnvVariant(variant),
+///     before: vec![before.to_vec()],
+///     after: vec![after.to_vec()],
+///     distances: vec![0.0],
+///     curves: vec![vec![]],
+/// };
+/// let table = ScoreTable {
+///     suitabilities: vec![
+///         found(0, 0, [1.0, 2.0], [1.5, 2.5]), // S = 0.5
+///         found(1, 0, [1.0, 2.0], [2.0, 3.0]), // S = 1
+///         found(0, 1, [0.0, 0.0], [0.5, 0.5]), // S = 0.5
+///         found(1, 1, [0.0, 0.0], [-1.0, -1.0]), // S = −1
+///     ],
+/// };
+///
+/// // Under the first variant the second demonstration is the more suitable one; over both it is not.
+/// assert_eq!(top_k(&rank_under(&table, EnvVariant(0)), 1)?.demos, [DemoId(1)]);
+/// assert_eq!(top_k(&rank(&table), 1)?.demos, [DemoId(0)]);
+/// assert_eq!(rank(&table).entries[1].score, 0.0);
+///
+/// // A subset of nothing or of more than there is gets an error that says what would be right.
+/// let error = top_k(&rank(&table), 3).unwrap_err();
+/// assert!(error.to_string().contains("from 1 to the 2 demonstrations"));
+/// # Ok::<(), demosift::Error>(())
+/// ```
+pub fn top_k(ranking: &Ranking, k: usize) -> Result<Subset> {
+    let count = ranking.entries.len();
+    if k == 0 || k > count {
+        return Err(Error::bad_config(format!(
+            "keep = {k}, and must be from 1 to the {count} demonstrations there are"
+        )));
+    }
+    Ok(Subset { demos: ranking.entries.iter().take(k).map(|entry| entry.demo).collect() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stages::judge::Suitability;
+
+    fn table(scores: &[(usize, usize, f64)]) -> ScoreTable {
+        let suitability = |&(variant, demo, after): &(usize, usize, f64)| Suitability {
+            demo: DemoId(demo),
+            variant: EnvVariant(variant),
+            before: vec![vec![1.0, 3.0]],
+            after: vec![vec![after, after], vec![after, after]],
+            distances: Vec::new(),
+            curves: Vec::new(),
+        };
+        ScoreTable { suitabilities: scores.iter().map(suitability).collect() }
+    }
+
+    fn order(ranking: &Ranking) -> Vec<usize> {
+        ranking.entries.iter().map(|entry| entry.demo.0).collect()
+    }
+
+    #[test]
+    fn what_to_keep_is_written_as_it_is_read() {
+        for keep in [Keep::Quarter, Keep::Auto, Keep::Weights, Keep::Count(3)] {
+            assert_eq!(keep.to_string().parse::<Keep>().expect("its own words"), keep);
+        }
+        let error = "most".parse::<Keep>().expect_err("no such word");
+        assert_eq!(
+            error.to_string(),
+            "keep = most, and must be auto, weights, quarter, or a number of demonstrations"
+        );
+    }
+
+    #[test]
+    fn eq_8_is_the_mean_after_less_the_mean_before() {
+        assert_eq!(table(&[(0, 0, 7.0)]).suitabilities[0].score(), 5.0);
+    }
+
+    #[test]
+    fn eq_9_ranks_by_score_per_variant_and_ties_by_id() {
+        let table = table(&[(0, 0, 1.0), (0, 1, 5.0), (0, 2, 5.0), (1, 0, 9.0), (1, 1, 0.0), (1, 2, 0.5)]);
+        assert_eq!(order(&rank_under(&table, EnvVariant(0))), [1, 2, 0]);
+        assert_eq!(order(&rank_under(&table, EnvVariant(1))), [0, 2, 1]);
+        assert_eq!(order(&rank(&table)), [0, 2, 1]);
+    }
+
+    #[test]
+    fn the_top_k_are_among_the_top_k_plus_one() {
+        let ranking = rank(&table(&[(0, 0, 1.0), (0, 1, 5.0), (0, 2, 3.0), (0, 3, -1.0)]));
+        for k in 1..4 {
+            let (fewer, more) =
+                (top_k(&ranking, k).expect("in range"), top_k(&ranking, k + 1).expect("in range"));
+            assert!(fewer.demos.iter().all(|demo| more.demos.contains(demo)));
+        }
+        assert!(top_k(&ranking, 0).expect_err("out of range").is_bad_config());
+        assert!(top_k(&ranking, 5).expect_err("out of range").is_bad_config());
+    }
+}

@@ -1,0 +1,8 @@
+//! Where policies play and how an episode is scored.
+
+pub mod adapted_behaviors;
+pub mod environment;
+pub mod heuristic;
+pub mod point_mass;
+pub mod policy;
+pub mod rollout;
