@@ -7,8 +7,8 @@ use demosift::basics::seed::Seed;
 use demosift::data::demonstration::d4rl;
 use demosift::data::observation_filter::ObservationFilter;
 use demosift::data::trajectory::StateLog;
+use demosift::math::agreement;
 use demosift::math::rows::Rows;
-use demosift::results::metrics;
 use demosift::world::environment::{EnvVariant, Task};
 use demosift::world::policy::{Policy, PolicyShape};
 use demosift::world::rollout::{self, Acting, Playground};
@@ -112,7 +112,7 @@ fn the_distance_of_the_public_half_cheetah_episodes_agrees_with_their_true_retur
         returns.push(rewards[id.0 * steps..(id.0 + 1) * steps].iter().sum());
         eprintln!("episode {id}: {:.1} m, true return {:.0}", ours[id.0], returns[id.0]);
     }
-    let agreement = metrics::spearman(&ours, &returns);
+    let agreement = agreement::spearman(&ours, &returns);
     eprintln!("Spearman {agreement:.3}");
     assert!(agreement > 0.95, "{agreement}");
 }

@@ -1,7 +1,7 @@
 //! `demosift imitate`: Subset → LearningCurve.
 
 use demosift::data::demonstration::{DemoId, DemonstrationSet};
-use demosift::results::metrics;
+use demosift::results::gain;
 use demosift::run::experiment;
 use demosift::run::forecast::Goal;
 use demosift::{Error, Result};
@@ -39,7 +39,7 @@ fn compare(job: &mut Job, json: bool) -> Result<Value> {
             "kept": from_subset.demos,
             "from_subset": from_subset.outcome,
             "from_all": from_all.outcome,
-            "gain": metrics::gain(&from_subset.outcome, &from_all.outcome),
+            "gain": gain::gain(&from_subset.outcome, &from_all.outcome),
             "unit": job.unit(),
             "variant": job.variant(),
             "run_folder": job.folder().path(),

@@ -1,9 +1,11 @@
 //! `demosift oracle`: each demonstration alone from scratch, what rankings are compared with.
 
 use demosift::data::demonstration::DemoId;
+use demosift::math::agreement;
+use demosift::math::statistics;
 use demosift::results::artifact::Artifact;
-use demosift::results::metrics;
-use demosift::results::metrics::AgainstRandom;
+use demosift::results::gain;
+use demosift::results::gain::AgainstRandom;
 use demosift::run::experiment;
 use demosift::run::experiment::Run;
 use demosift::run::forecast::Goal;
@@ -46,7 +48,7 @@ pub(crate) fn run(arguments: &OracleArguments) -> Result<()> {
                 .map(|repeat| experiment::oracle(run, demo, repeat))
                 .collect::<Result<Vec<_>>>()?;
             let scores: Vec<Score> = of_demo.iter().map(|curve| curve.end.score).collect();
-            alone.push(Alone { demo, mean: metrics::mean(&scores), scores });
+            alone.push(Alone { demo, mean: statistics::mean(&scores), scores });
             curves.push(of_demo);
         }
         let worth = kept.map(|kept| worth(run, &kept, (&alone, &curves), arguments.random)).transpose()?;
@@ -110,11 +112,11 @@ fn worth(
         .collect::<Result<Vec<Score>>>()?;
     let best =
         alone.iter().rev().max_by(|a, b| a.mean.total_cmp(&b.mean)).expect("a set has demonstrations").demo;
-    let shares = curves[best.0].iter().map(|alone| metrics::share_of_best(kept, alone));
+    let shares = curves[best.0].iter().map(|alone| gain::share_of_best(kept, alone));
     let shares: Vec<f64> = shares.filter(|share| share.is_finite()).collect();
     let score = kept.end.score;
-    let against_random = metrics::against_random(score, &random);
-    Ok(Worth { score, best: (best, metrics::mean(&shares)), random, against_random })
+    let against_random = gain::against_random(score, &random);
+    Ok(Worth { score, best: (best, statistics::mean(&shares)), random, against_random })
 }
 
 impl Worth {
@@ -171,9 +173,9 @@ impl Agreement {
         tops.sort_unstable();
         tops.dedup();
         Self {
-            spearman: metrics::spearman(&judged, &taught),
-            kendall: metrics::kendall(&judged, &taught),
-            hit_rates: tops.into_iter().map(|k| (k, metrics::hit_rate(&judged, &taught, k))).collect(),
+            spearman: agreement::spearman(&judged, &taught),
+            kendall: agreement::kendall(&judged, &taught),
+            hit_rates: tops.into_iter().map(|k| (k, agreement::hit_rate(&judged, &taught, k))).collect(),
         }
     }
 

@@ -1,8 +1,8 @@
 //! The judgment of a set: the ranking with its doubts, and what the recordings alone say.
 
 use demosift::data::demonstration::{DemoId, DemonstrationSet};
+use demosift::math::agreement;
 use demosift::results::data_only::DataOnly;
-use demosift::results::metrics;
 use demosift::results::panel::Judge;
 use demosift::results::uncertainty::Uncertainty;
 use demosift::stages::judge::ScoreTable;
@@ -198,7 +198,7 @@ pub(crate) fn beside(ranking: &Ranking, Beside { data_only, unusable }: &Beside)
 fn agreement(ranking: &Ranking, scores: &[f64]) -> f64 {
     let (gains, scores): (Vec<f64>, Vec<f64>) =
         ranking.entries.iter().map(|entry| (entry.score, scores[entry.demo.0])).unzip();
-    metrics::spearman(&gains, &scores)
+    agreement::spearman(&gains, &scores)
 }
 
 /// The columns with their agreement.

@@ -10,7 +10,10 @@ pub(crate) mod verdict;
 pub(crate) mod weights;
 
 use demosift::data::demonstration::{DemoId, DemonstrationSet};
-use demosift::results::metrics::{self, Decline, Gain};
+use demosift::results::decline;
+use demosift::results::decline::Decline;
+use demosift::results::gain;
+use demosift::results::gain::Gain;
 use demosift::stages::imitate::LearningCurve;
 use demosift::world::heuristic::Score;
 
@@ -101,7 +104,7 @@ pub(crate) fn policies(curves: &[(String, &LearningCurve)], unit: &str) -> Strin
         .collect();
     let declines = curves
         .iter()
-        .filter_map(|(name, curve)| metrics::decline(curve).map(|decline| declined(name, decline, scale)));
+        .filter_map(|(name, curve)| decline::decline(curve).map(|decline| declined(name, decline, scale)));
     std::iter::once(table(&header, &rows)).chain(declines).collect()
 }
 
@@ -182,7 +185,7 @@ fn difference(
     from_all: &LearningCurve,
     unit: &str,
 ) -> String {
-    let Gain { gain, low, high } = metrics::gain(&from_subset.outcome, &from_all.outcome);
+    let Gain { gain, low, high } = gain::gain(&from_subset.outcome, &from_all.outcome);
     let scale = Scale::of([from_subset.outcome.score, from_all.outcome.score], unit);
     if from_subset.demos.len() == set.len() {
         return "All demonstrations were kept, so there is nothing to compare.".to_owned();

@@ -1,5 +1,7 @@
-//! Numbers without a meaning yet: rows, small networks and solvers.
+//! Numbers without a meaning yet: rows, small networks, solvers, statistics and how far rankings agree.
 
+pub mod agreement;
 pub mod nn;
 pub mod rows;
 pub mod solve;
+pub mod statistics;

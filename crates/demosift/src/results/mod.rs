@@ -2,7 +2,8 @@
 
 pub mod artifact;
 pub mod data_only;
-pub mod metrics;
+pub mod decline;
+pub mod gain;
 pub mod panel;
 mod protobuf;
 pub mod recording;

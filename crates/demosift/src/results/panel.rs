@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemoId;
-use crate::results::metrics;
+use crate::math::agreement;
+use crate::math::statistics;
 use crate::results::uncertainty::{self, Resampling, Uncertainty};
 use crate::stages::judge::ScoreTable;
 use crate::stages::select::{self, Ranking};
@@ -197,7 +198,7 @@ fn repeats(table: &ScoreTable) -> Vec<Vec<f64>> {
     let mut means = vec![vec![0.0; demos]; count];
     for of in &table.suitabilities {
         for (repeat, scores) in means.iter_mut().zip(&of.after) {
-            repeat[of.demo.0] += metrics::mean(scores);
+            repeat[of.demo.0] += statistics::mean(scores);
         }
     }
     means
@@ -212,9 +213,9 @@ fn agreement_of(repeats: &[Vec<f64>]) -> Option<f64> {
         let others = repeats.iter().enumerate().filter(|(repeat, _)| *repeat != left_out);
         let mut mean = vec![0.0; repeats[left_out].len()];
         others.for_each(|(_, other)| mean.iter_mut().zip(other).for_each(|(sum, score)| *sum += score));
-        metrics::spearman(&repeats[left_out], &mean)
+        agreement::spearman(&repeats[left_out], &mean)
     };
-    let agreement = metrics::mean(&(0..repeats.len()).map(of).collect::<Vec<_>>());
+    let agreement = statistics::mean(&(0..repeats.len()).map(of).collect::<Vec<_>>());
     agreement.is_finite().then_some(agreement)
 }
 
@@ -240,7 +241,7 @@ fn agreement(one: &Opinion, other: &Opinion) -> Option<f64> {
         entries.sort_by_key(|entry| entry.demo);
         entries.iter().map(|entry| entry.score).collect::<Vec<_>>()
     };
-    Some(metrics::spearman(&scores(one), &scores(other))).filter(|agreement| agreement.is_finite())
+    Some(agreement::spearman(&scores(one), &scores(other))).filter(|agreement| agreement.is_finite())
 }
 
 fn disagreements(opinions: [&Opinion; 2], k: usize) -> Vec<Disagreement> {

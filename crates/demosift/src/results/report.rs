@@ -14,9 +14,12 @@ use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::learning::adapt::UpdateReport;
+use crate::math::agreement;
+use crate::math::statistics;
 use crate::results::artifact::Artifact;
 use crate::results::data_only::DataOnly;
-use crate::results::metrics::{self, Gain};
+use crate::results::gain;
+use crate::results::gain::Gain;
 use crate::results::panel::{self, Disagreement, Judge, Panel, Vote};
 use crate::stages::imitate::{CurvePoint, LearningCurve};
 use crate::stages::judge::{Judged, ScoreTable, Suitability};
@@ -267,7 +270,7 @@ pub fn report(sources: &Sources<'_>) -> Result<Report> {
         keep: sources.keep.to_string(),
         k,
         has_subset: subset.is_some(),
-        before: metrics::mean(&before),
+        before: statistics::mean(&before),
         level: uncertainty.level,
         caveat: uncertainty.caveat(),
         entries: entries(sources, &scores, (kept, k))?,
@@ -373,7 +376,7 @@ fn bands(curves: &[Vec<UpdateReport>], number: impl Fn(&UpdateReport) -> Option<
         let values: Option<Vec<f64>> = curves.iter().map(|curve| number(&curve[update])).collect();
         values.map(|values| Band {
             low: values.iter().copied().fold(f64::INFINITY, f64::min),
-            mean: metrics::mean(&values),
+            mean: statistics::mean(&values),
             high: values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
         })
     };
@@ -384,7 +387,7 @@ fn opinions(ranking: &Ranking, opinions: &DataOnly) -> Vec<Opinion> {
     let gains: Vec<Score> = ranking.entries.iter().map(|entry| entry.score).collect();
     let opinion = |column: &crate::results::data_only::Column| {
         let scores: Vec<f64> = ranking.entries.iter().map(|entry| column.scores[entry.demo.0]).collect();
-        let spearman = Some(metrics::spearman(&gains, &scores)).filter(|value| value.is_finite());
+        let spearman = Some(agreement::spearman(&gains, &scores)).filter(|value| value.is_finite());
         let (name, meaning) = (column.name.clone(), column.meaning.clone());
         Opinion { name, meaning, places: places(&scores), scores, spearman }
     };
@@ -404,7 +407,7 @@ fn places(scores: &[f64]) -> Vec<f64> {
 fn learning(ledger: &dyn Ledger, set: &DemonstrationSet) -> Result<Option<Learning>> {
     let (subset, all) = (LearningCurve::recall(ledger, "subset")?, LearningCurve::recall(ledger, "all")?);
     Ok(subset.zip(all).map(|(subset, all)| Learning {
-        gain: metrics::gain(&subset.outcome, &all.outcome),
+        gain: gain::gain(&subset.outcome, &all.outcome),
         is_all: subset.demos.len() == set.len(),
         subset: subset.points,
         all: all.points,

@@ -9,7 +9,7 @@ use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
 
 use crate::basics::seed::Seed;
-use crate::results::metrics::mean;
+use crate::math::statistics::mean;
 
 /// How sure an interval is.
 pub const LEVEL: f64 = 0.95;

@@ -7,7 +7,7 @@ use crate::basics::observer::Silent;
 use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::learning::adapt::Rule;
-use crate::results::metrics;
+use crate::math::statistics;
 use crate::results::panel::{Judge, Judges};
 use crate::run::experiment::{self, Config, Run};
 use crate::stages::imitate::{self, CurvePoint, ImitationState};
@@ -64,7 +64,7 @@ fn judged(suitability: &Suitability) -> Result<JudgedDemonstration> {
     Ok(JudgedDemonstration {
         score: finite(suitability.score())?,
         after: finite(suitability.mean_after())?,
-        repeats: suitability.after.iter().map(|scores| metrics::mean(scores)).collect(),
+        repeats: suitability.after.iter().map(|scores| statistics::mean(scores)).collect(),
     })
 }
 

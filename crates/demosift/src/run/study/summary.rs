@@ -19,7 +19,8 @@ use super::work::top;
 use super::{Cost, Finished, RefereedSummary, TrainingResult};
 use crate::data::demonstration::DemoId;
 use crate::learning::adapt::Rule;
-use crate::results::metrics;
+use crate::math::agreement;
+use crate::math::statistics;
 
 /// All tables.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -230,18 +231,18 @@ fn agreement(
     values: &dyn Fn(Measure<'_>) -> Vec<f64>,
 ) -> Option<Agreement> {
     let of = |measure: Measure<'_>| estimate(&values(measure));
-    let hits = hits_at.iter().map(|k| of(&|one, other| metrics::hit_rate(one, other, *k)));
+    let hits = hits_at.iter().map(|k| of(&|one, other| agreement::hit_rate(one, other, *k)));
     Some(Agreement {
         truth: truth.clone(),
         method: method.map(str::to_owned),
         spearman: of(&spearman)?,
-        kendall: of(&|one, other| or_nothing(metrics::kendall(one, other)))?,
+        kendall: of(&|one, other| or_nothing(agreement::kendall(one, other)))?,
         hit_rates: hits.collect::<Option<_>>()?,
     })
 }
 
 fn spearman(one: &[f64], other: &[f64]) -> f64 {
-    or_nothing(metrics::spearman(one, other))
+    or_nothing(agreement::spearman(one, other))
 }
 
 /// An opinion that is the same of all demonstrations agrees with nothing and contradicts nothing.
@@ -289,7 +290,7 @@ fn regret(study: &Study, set: &Set, finished: &Finished) -> Vec<RegretSummary> {
     for imitator in &regret.imitators {
         let spread = Truth::oracle(study, set, *imitator, finished).map(|oracle| {
             let alone = oracle.values();
-            alone.iter().copied().fold(f64::NEG_INFINITY, f64::max) - metrics::mean(&alone)
+            alone.iter().copied().fold(f64::NEG_INFINITY, f64::max) - statistics::mean(&alone)
         });
         // End scores by seed; only whole rows are compared, so that the same seeds stand on both sides.
         let trained = |demos: &[DemoId]| {
@@ -302,7 +303,7 @@ fn regret(study: &Study, set: &Set, finished: &Finished) -> Vec<RegretSummary> {
             for method in &study.methods {
                 let of_seed = |seed| {
                     let demos = top(&study.scores(set, method, seed, finished)?, k);
-                    Some(metrics::mean(&best) - metrics::mean(&trained(&demos)?))
+                    Some(statistics::mean(&best) - statistics::mean(&trained(&demos)?))
                 };
                 let regrets: Vec<f64> = set.seeds.each().filter_map(of_seed).collect();
                 let shares = spread
@@ -343,7 +344,7 @@ fn costs(set: &Set, method: &Judge, finished: &Finished) -> Option<Costs> {
         steps_each: judging.environment_steps as f64 / each,
         seconds_once: once.seconds / count,
         seconds_each: judging.seconds / each,
-        adapted_behaviors_distance: method.combination.is_none().then(|| metrics::mean(&distances)),
+        adapted_behaviors_distance: method.combination.is_none().then(|| statistics::mean(&distances)),
         seeds: seeds.len(),
     })
 }
@@ -393,7 +394,7 @@ impl PoolSummary {
         Some(PoolMeans {
             end: of(|result| result.end.score)?,
             chosen: of(|result| result.chosen.score)?,
-            success: successes.map(|successes| metrics::mean(&successes)),
+            success: successes.map(|successes| statistics::mean(&successes)),
         })
     }
 }

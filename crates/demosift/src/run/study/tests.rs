@@ -1,7 +1,7 @@
 use super::summary::summarize;
 use super::work::top;
 use super::*;
-use crate::results::metrics;
+use crate::math::agreement;
 
 fn seeds(count: usize) -> Seeds {
     Seeds { first: 0, count }
@@ -146,7 +146,7 @@ fn agreement_leaves_one_seed_out_for_judges_as_for_the_ceiling() {
             |row: &&summary::Agreement| row.truth.to_string() == truth && row.method.as_deref() == method;
         summary.sets[0].agreement.iter().find(of).expect("a row")
     };
-    let between = metrics::spearman(&ORACLE[0], &ORACLE[1]);
+    let between = agreement::spearman(&ORACLE[0], &ORACLE[1]);
     close(find("oracle by gail", None).spearman.mean, between);
     // By brute force: each seed of the judge against each oracle without the other one.
     let each = |of: fn(&[f64], &[f64]) -> f64| {
@@ -154,9 +154,9 @@ fn agreement_leaves_one_seed_out_for_judges_as_for_the_ceiling() {
         all.sum::<f64>() / 6.0
     };
     let paper = find("oracle by gail", Some("paper"));
-    close(paper.spearman.mean, each(metrics::spearman));
-    close(paper.kendall.mean, each(metrics::kendall));
-    close(paper.hit_rates[0].mean, each(|a, b| metrics::hit_rate(a, b, 1)));
+    close(paper.spearman.mean, each(agreement::spearman));
+    close(paper.kendall.mean, each(agreement::kendall));
+    close(paper.hit_rates[0].mean, each(|a, b| agreement::hit_rate(a, b, 1)));
     assert_eq!(paper.spearman.seeds, 3);
     close(find("return", Some("paper")).spearman.mean, (1.0 + 0.8 - 0.8) / 3.0);
     close(find("return", Some("cloning")).spearman.mean, 0.0);

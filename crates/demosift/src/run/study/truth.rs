@@ -9,7 +9,7 @@ use super::work::top;
 use super::{Finished, imitator_name};
 use crate::data::demonstration::DemoId;
 use crate::learning::adapt::Rule;
-use crate::results::metrics::mean;
+use crate::math::statistics::mean;
 use crate::world::heuristic::Score;
 
 /// What is known of the demonstrations of a set, such as their returns.

@@ -10,7 +10,8 @@ use super::{Finished, Work};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemoId;
 use crate::learning::adapt;
-use crate::results::metrics;
+use crate::math::agreement;
+use crate::math::statistics;
 use crate::world::heuristic::Score;
 
 impl Study {
@@ -185,7 +186,7 @@ fn combined(rule: Rule, parts: &[Vec<Score>]) -> Vec<Score> {
     let alike: Vec<Vec<f64>> = parts
         .iter()
         .map(|scores| match rule {
-            Rule::Ranks => metrics::ranks(scores),
+            Rule::Ranks => agreement::ranks(scores),
             Rule::Scores => standardized(scores),
         })
         .collect();
@@ -196,7 +197,7 @@ fn combined(rule: Rule, parts: &[Vec<Score>]) -> Vec<Score> {
 
 /// With mean 0 and standard deviation 1; equal scores say nothing, and become 0.
 fn standardized(scores: &[Score]) -> Vec<f64> {
-    let center = metrics::mean(scores);
+    let center = statistics::mean(scores);
     let spread =
         (scores.iter().map(|score| (score - center).powi(2)).sum::<f64>() / scores.len() as f64).sqrt();
     scores.iter().map(|score| if spread > 0.0 { (score - center) / spread } else { 0.0 }).collect()

@@ -1,12 +1,12 @@
 //! How well a ranking agrees with another opinion, such as that of the oracle.
 
-use super::mean;
+use crate::math::statistics::mean;
 
 /// Spearman's rank correlation of two lists of values, ties sharing their mean rank; NaN if one list is constant.
 ///
 /// ```
 /// let (ours, oracle) = ([0.9, 0.1, 0.5], [10.0, 2.0, 7.0]);
-/// assert_eq!(demosift::results::metrics::spearman(&ours, &oracle), 1.0);
+/// assert_eq!(demosift::math::agreement::spearman(&ours, &oracle), 1.0);
 /// ```
 pub fn spearman(left: &[f64], right: &[f64]) -> f64 {
     pearson(&ranks(left), &ranks(right))
@@ -19,7 +19,7 @@ pub fn spearman(left: &[f64], right: &[f64]) -> f64 {
 ///
 /// ```
 /// let (ours, oracle) = ([0.9, 0.1, 0.5], [10.0, 7.0, 2.0]); // one pair of three the other way round
-/// assert!((demosift::results::metrics::kendall(&ours, &oracle) - 1.0 / 3.0).abs() < 1e-12);
+/// assert!((demosift::math::agreement::kendall(&ours, &oracle) - 1.0 / 3.0).abs() < 1e-12);
 /// ```
 pub fn kendall(left: &[f64], right: &[f64]) -> f64 {
     let (mut agreement, mut untied_left, mut untied_right) = (0.0, 0.0, 0.0);
@@ -46,7 +46,7 @@ fn order(one: f64, other: f64) -> f64 {
 ///
 /// ```
 /// let (ours, oracle) = ([0.9, 0.1, 0.5, 0.2], [10.0, 2.0, 1.0, 7.0]);
-/// assert_eq!(demosift::results::metrics::hit_rate(&ours, &oracle, 2), 0.5); // of the first and third only the first
+/// assert_eq!(demosift::math::agreement::hit_rate(&ours, &oracle, 2), 0.5); // of the first and third only the first
 /// ```
 pub fn hit_rate(ours: &[f64], reference: &[f64], k: usize) -> f64 {
     let both =

@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::mean;
+use crate::math::statistics::mean;
 use crate::stages::imitate::{CurvePoint, LearningCurve};
 use crate::world::heuristic::Score;
 
