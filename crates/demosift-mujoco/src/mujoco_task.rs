@@ -79,9 +79,9 @@ impl MujocoTask {
     /// As [`MujocoTask::from_file`].
     ///
     /// ```
-    /// use demosift::world::environment::{EnvVariant, Task};
-    /// use demosift::math::rows::Rows;
     /// use demosift::basics::seed::Seed;
+    /// use demosift::math::rows::Rows;
+    /// use demosift::world::environment::{EnvVariant, Task};
     /// use demosift_mujoco::mujoco_task::MujocoTask;
     ///
     /// let cart = r#"

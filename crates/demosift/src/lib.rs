@@ -6,13 +6,13 @@
 //! Here six demonstrations drive a point mass, which should go east; two of them do.
 //!
 //! ```
-//! use demosift::run::experiment::{Run, sift};
 //! use demosift::basics::ledger::InMemory;
 //! use demosift::basics::observer::Silent;
-//! use demosift::world::point_mass::{PointMass, planted_set};
-//! use demosift::run::preset::Preset;
-//! use demosift::world::rollout::Playground;
 //! use demosift::basics::seed::Seed;
+//! use demosift::run::experiment::{Run, sift};
+//! use demosift::run::preset::Preset;
+//! use demosift::world::point_mass::{PointMass, planted_set};
+//! use demosift::world::rollout::Playground;
 //!
 //! // Where each demonstration goes, in degrees away from the goal. Nothing in the set tells.
 //! let set = planted_set(&[180.0, 5.0, 120.0, -10.0, -150.0, 90.0], Seed::new(1))?;

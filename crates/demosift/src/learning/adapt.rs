@@ -30,6 +30,7 @@ use crate::learning::gail::{self, Discriminator, Fitting};
 use crate::learning::trpo::{self, Experience, Step, StepEnd, TrustRegion};
 use crate::math::nn::adam::Adam;
 use crate::math::rows::Rows;
+use crate::math::statistics;
 use crate::world::environment::EnvVariant;
 use crate::world::heuristic::Score;
 use crate::world::policy::{Policy, PolicyShape};
@@ -294,7 +295,7 @@ impl Played {
 
     /// Mean heuristic, if anything was played.
     pub fn mean_score(&self) -> Option<Score> {
-        (!self.scores.is_empty()).then(|| mean_and_std(self.scores.iter().copied()).0)
+        (!self.scores.is_empty()).then(|| statistics::mean(&self.scores))
     }
 
     /// Standardized advantages of rewards `[N]`, `[N]`.
@@ -328,7 +329,8 @@ impl Played {
 
 impl UpdateReport {
     fn of_gail(played: &Played, fit: gail::FitReport, rewards: &[f32], step: &Step) -> Self {
-        let (reward_mean, reward_std) = mean_and_std(rewards.iter().map(|reward| f64::from(*reward)));
+        let (reward_mean, reward_std) =
+            statistics::mean_and_deviation(rewards.iter().map(|reward| f64::from(*reward)));
         Self {
             score: played.mean_score(),
             discriminator_loss: Some(fit.loss),
@@ -375,13 +377,6 @@ impl UpdateReport {
         ];
         numbers.into_iter().filter_map(|(name, number)| Some((name, number?))).collect()
     }
-}
-
-fn mean_and_std(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
-    let count = values.clone().count().max(1) as f64;
-    let mean = values.clone().sum::<f64>() / count;
-    let variance = values.map(|value| (value - mean).powi(2)).sum::<f64>() / count;
-    (mean, variance.sqrt())
 }
 
 #[cfg(test)]
@@ -435,7 +430,7 @@ mod tests {
                     .expect("the point mass plays");
                 let played = Played::new(&playground, policy, &fresh);
                 let rewards = gail::imitation_rewards(&adapted.learner.discriminator, &played.pairs);
-                mean_and_std(rewards.iter().map(|reward| f64::from(*reward))).0
+                statistics::mean_of(rewards.iter().map(|reward| f64::from(*reward)))
             };
             let (before, after) = (reward(&learner.policy), reward(&adapted.learner.policy));
             assert!(after > before + 0.02, "demonstration {demo}: {before} became {after}");

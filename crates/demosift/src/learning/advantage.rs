@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::basics::error::Result;
 use crate::math::rows::Rows;
 use crate::math::solve::ridge::ridge;
+use crate::math::statistics;
 
 /// How rewards become advantages.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -76,8 +77,7 @@ pub fn advantages(rewarded: Rewarded<'_>, estimation: &AdvantageEstimation) -> R
 /// advantage wherever rewards are nearly flat.
 /// An episode that ends before the longest forgoes γ r̄ + γ² r̄ + … of the steps that it lacks, as without this shift.
 fn beyond_the_mean(rewarded: &Rewarded<'_>, discount: f64) -> Vec<f32> {
-    let count = rewarded.rewards.len().max(1) as f64;
-    let mean = rewarded.rewards.iter().map(|reward| f64::from(*reward)).sum::<f64>() / count;
+    let mean = statistics::mean_of(rewarded.rewards.iter().map(|reward| f64::from(*reward)));
     let longest = rewarded.lengths.iter().copied().max().unwrap_or(0);
     let mut rewards: Vec<f32> =
         rewarded.rewards.iter().map(|reward| (f64::from(*reward) - mean) as f32).collect();
@@ -144,14 +144,12 @@ const SMALLEST_SPREAD: f64 = 1e-6;
 /// A batch without spread, as when a discriminator's reward is flat, becomes zero instead of amplified noise: the
 /// length of a natural gradient's step does not depend on that of the gradient.
 fn standardize(advantages: &mut [f32], reward_size: f64) {
-    let count = advantages.len().max(1) as f64;
-    let mean = advantages.iter().map(|value| f64::from(*value)).sum::<f64>() / count;
-    let variance = advantages.iter().map(|value| (f64::from(*value) - mean).powi(2)).sum::<f64>() / count;
-    if variance.sqrt() <= SMALLEST_SPREAD * reward_size {
+    let (mean, deviation) = statistics::mean_and_deviation(advantages.iter().map(|value| f64::from(*value)));
+    if deviation <= SMALLEST_SPREAD * reward_size {
         advantages.fill(0.0);
         return;
     }
-    let scale = 1.0 / variance.sqrt();
+    let scale = 1.0 / deviation;
     for value in advantages {
         *value = ((f64::from(*value) - mean) * scale) as f32;
     }

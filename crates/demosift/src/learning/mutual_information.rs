@@ -34,6 +34,7 @@ use crate::basics::error::{Error, Result};
 use crate::basics::seed::{Rng, Seed};
 use crate::data::demonstration::DemonstrationSet;
 use crate::math::nn::adam::Adam;
+use crate::math::statistics::{self, mean_and_deviation};
 
 pub use posterior::Posterior;
 pub use sequences::Sequences;
@@ -98,7 +99,7 @@ pub struct Change<'a> {
 pub fn encodings(set: &DemonstrationSet) -> Vec<f32> {
     let norm = |values: &[f32]| values.iter().map(|value| f64::from(*value).powi(2)).sum::<f64>().sqrt();
     let norms: Vec<f64> = set.iter().map(|(_, demo)| norm(demo.observations().flat())).collect();
-    let (mean, std) = mean_and_std(&norms);
+    let (mean, std) = mean_and_deviation(norms.iter().copied());
     // What is left of equal norms is rounding.
     let scale = if std > 1e-9 * mean { 1.0 / std } else { 0.0 };
     norms.iter().map(|norm| (scale * (norm - mean)) as f32).collect()
@@ -130,7 +131,7 @@ pub fn fit(
         .par_iter()
         .map(|Change { before, after, encoding }| mean_squared_error(&fitted, before, after, *encoding))
         .collect();
-    Ok(fitted.with_squared_error(errors.iter().sum::<f64>() / errors.len() as f64))
+    Ok(fitted.with_squared_error(statistics::mean(&errors)))
 }
 
 /// Line 13, Eq. 5: R_MI = +log Q(v_i | Δπ) of each trajectory that is paid, `[before]` or `[after]`.
@@ -154,7 +155,7 @@ pub fn mean_squared_error(
     encoding: f32,
 ) -> f64 {
     let predicted = posterior.predict(before, after);
-    predicted.iter().map(|mu| f64::from(mu - encoding).powi(2)).sum::<f64>() / predicted.len() as f64
+    statistics::mean_of(predicted.iter().map(|mu| f64::from(mu - encoding).powi(2)))
 }
 
 /// Advantages `[N]` of the actions in episodes of `lengths` (they sum to N) that were paid `rewards`, one each.
@@ -163,7 +164,7 @@ pub fn mean_squared_error(
 /// that a baseline of many features would recognize each episode and take all of its reward away.
 /// They have standard deviation 1 over the actions that are credited; all are 0 where the rewards say nothing.
 pub fn advantages(rewards: &[f64], lengths: &[usize], credit: Credit) -> Vec<f32> {
-    let (mean, std) = mean_and_std(rewards);
+    let (mean, std) = mean_and_deviation(rewards.iter().copied());
     let scale = if std > 1e-9 * (1.0 + mean.abs()) { 1.0 / std } else { 0.0 };
     let advantages = rewards.iter().zip(lengths).flat_map(|(reward, length)| {
         // Leaving the episode itself out of the mean multiplies all by one factor, which the scale takes away.
@@ -217,13 +218,6 @@ fn gradient(posterior: &Posterior, pairs: &[Pair<'_>], workspaces: &mut Vec<Work
         sum.iter_mut().zip(&part).for_each(|(sum, value)| *sum += value);
     }
     sum
-}
-
-fn mean_and_std(values: &[f64]) -> (f64, f64) {
-    let count = values.len().max(1) as f64;
-    let mean = values.iter().sum::<f64>() / count;
-    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / count;
-    (mean, variance.sqrt())
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::math::statistics::mean;
+use crate::math::statistics::{mean, mean_of};
 use crate::stages::imitate::{CurvePoint, LearningCurve};
 use crate::world::heuristic::Score;
 
@@ -44,7 +44,7 @@ pub struct AgainstRandom {
 /// The score of the policy from the subset beside those from random subsets of the same size; NaN if there are none.
 pub fn against_random(subset: Score, random: &[Score]) -> AgainstRandom {
     let wins = random.iter().map(|other| f64::from(subset > *other) + 0.5 * f64::from(subset == *other));
-    AgainstRandom { gain: subset - mean(random), beaten: wins.sum::<f64>() / random.len() as f64 }
+    AgainstRandom { gain: subset - mean(random), beaten: mean_of(wins) }
 }
 
 /// How much of the way from the untrained policy to the best single demonstration's the subset's policy went: 1 is as

@@ -215,7 +215,7 @@ fn agreement_of(repeats: &[Vec<f64>]) -> Option<f64> {
         others.for_each(|(_, other)| mean.iter_mut().zip(other).for_each(|(sum, score)| *sum += score));
         agreement::spearman(&repeats[left_out], &mean)
     };
-    let agreement = statistics::mean(&(0..repeats.len()).map(of).collect::<Vec<_>>());
+    let agreement = statistics::mean_of((0..repeats.len()).map(of));
     agreement.is_finite().then_some(agreement)
 }
 

@@ -21,13 +21,13 @@
 //! **What is not in the intervals**: the meta-parameters are taken as they are.
 //! Meta-training again with another seed moves scores as well, and only another `--seed` shows how far.
 
-use rand::RngExt as _;
 use rand_distr::{Distribution, StudentT};
 use serde::{Deserialize, Serialize};
 
 use crate::basics::error::{Error, Result};
 use crate::basics::seed::{Rng, Seed};
 use crate::data::demonstration::DemoId;
+use crate::math::statistics::{Moderation, mean, mean_at, mean_of, quantile, resample, squared_deviations};
 use crate::stages::judge::{ScoreTable, Suitability};
 use crate::world::environment::EnvVariant;
 use crate::world::heuristic::Score;
@@ -141,11 +141,11 @@ impl Uncertainty {
 /// Bad input if the table is not whole: every demonstration under every variant, with as many repeats and evaluations.
 ///
 /// ```
-/// use demosift::data::demonstration::DemoId;
-/// use demosift::world::environment::EnvVariant;
-/// use demosift::stages::judge::{ScoreTable, Suitability};
 /// use demosift::basics::seed::Seed;
+/// use demosift::data::demonstration::DemoId;
 /// use demosift::results::uncertainty::{Resampling, uncertainty};
+/// use demosift::stages::judge::{ScoreTable, Suitability};
+/// use demosift::world::environment::EnvVariant;
 ///
 /// // Imitated twice, and evaluated on two episodes each time.
 /// let found = |demo, after: [[f64; 2]; 2]| Suitability {
@@ -250,7 +250,7 @@ fn judged(table: &ScoreTable) -> Result<(Vec<Judged>, usize, usize)> {
             check_shape(one, evaluations)?;
             of_demo.push(one);
         }
-        let score = mean(&of_demo.iter().map(|s| s.score()).collect::<Vec<_>>());
+        let score = mean_of(of_demo.iter().map(|s| s.score()));
         judged.push(Judged { demo, score, variants: of_demo.into_iter().map(under_variant).collect() });
     }
     judged.sort_by(compare);
@@ -270,25 +270,15 @@ fn check_shape(one: &Suitability, evaluations: usize) -> Result<()> {
 
 fn under_variant(suitability: &Suitability) -> UnderVariant {
     let Suitability { before, after, .. } = suitability;
-    let at = |repeats: &[Vec<Score>], evaluation: usize| {
-        mean(&repeats.iter().map(|scores| scores[evaluation]).collect::<Vec<_>>())
-    };
+    let at =
+        |repeats: &[Vec<Score>], evaluation: usize| mean_of(repeats.iter().map(|scores| scores[evaluation]));
     let evaluations = before.first().map_or(0, Vec::len);
     let repeats: Vec<f64> = after.iter().map(|scores| mean(scores)).collect();
     UnderVariant {
         gains: (0..evaluations).map(|evaluation| at(after, evaluation) - at(before, evaluation)).collect(),
-        repeat_squares: squares(&repeats),
+        repeat_squares: squared_deviations(&repeats),
         repeats: repeats.len(),
     }
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}
-
-fn squares(values: &[f64]) -> f64 {
-    let mean = mean(values);
-    values.iter().map(|value| (value - mean).powi(2)).sum()
 }
 
 /// By everything that was measured, so that the order of the demonstrations in the set does not count.
@@ -316,7 +306,7 @@ fn draw(
     let mut draws = vec![judged.iter().map(|judged| judged.score).collect::<Vec<Score>>(); resampling.draws];
     for draw in &mut draws {
         for variant in 0..variants {
-            let picks: Vec<usize> = (0..evaluations).map(|_| rng.random_range(0..evaluations)).collect();
+            let picks = resample(evaluations, &mut rng);
             for (judged, score) in judged.iter().zip(draw.iter_mut()) {
                 *score += deviation(&judged.variants[variant].gains, &picks) / variants as f64;
             }
@@ -331,8 +321,7 @@ fn draw(
 /// A sample spreads less than what it was drawn from, by (M − 1)/M in variance, and that is made up for.
 fn deviation(gains: &[Score], picks: &[usize]) -> f64 {
     let count = gains.len() as f64;
-    let picked = picks.iter().map(|&pick| gains[pick]).sum::<f64>() / count;
-    (picked - mean(gains)) * (count / (count - 1.0).max(1.0)).sqrt()
+    (mean_at(gains, picks) - mean(gains)) * (count / (count - 1.0).max(1.0)).sqrt()
 }
 
 /// Adds what other adaptations would have changed, by Student's t for each demonstration; nothing where all were imitated
@@ -349,21 +338,21 @@ fn add_repeats(
         return Ok(());
     }
     let common = spreads.iter().map(|spread| spread.squares).sum::<f64>() / all_freedom;
+    let moderation = Moderation { common, worth: resampling.pooling };
     let mut stream = 0;
     for (index, spread) in spreads.iter().enumerate() {
         // Demonstrations of which the same was measured are the same one twice, and stay level in every draw.
         if index > 0 && compare(&judged[index - 1], &judged[index]).is_ne() {
             stream = index;
         }
-        let freedom = spread.freedom + resampling.pooling;
+        let freedom = moderation.freedom(spread.freedom);
         let student = StudentT::new(freedom).map_err(|error| {
             Error::bad_config(format!(
                 "{freedom} degrees of freedom of the repeats, and there must be some: {error}"
             ))
         })?;
         let mut rng: Rng = seed.of("repeats").at(stream).into_rng();
-        let moderated = (spread.squares + resampling.pooling * common) / freedom;
-        let error = (moderated * spread.share).sqrt();
+        let error = (moderation.variance(spread.squares, spread.freedom) * spread.share).sqrt();
         draws.iter_mut().for_each(|draw| draw[index] += error * student.sample(&mut rng));
     }
     Ok(())
@@ -394,12 +383,7 @@ impl Spread {
 /// The middle part of some draws that holds `level` of them.
 fn interval(mut draws: Vec<f64>, level: f64) -> (f64, f64) {
     draws.sort_unstable_by(f64::total_cmp);
-    let at = |share: f64| {
-        let place = share * (draws.len() as f64 - 1.0);
-        let (below, above) = (draws[place.floor() as usize], draws[place.ceil() as usize]);
-        below + (above - below) * place.fract()
-    };
-    (at((1.0 - level) / 2.0), at((1.0 + level) / 2.0))
+    (quantile(&draws, (1.0 - level) / 2.0), quantile(&draws, (1.0 + level) / 2.0))
 }
 
 /// For each demonstration the share of draws in which its score passes the bar that the draw sets.

@@ -6,15 +6,15 @@
 //! [`sift`] is the whole job, shown on the first page of this crate; its stages can be taken one by one:
 //!
 //! ```
-//! use demosift::run::experiment::{Run, panel, scores, selection};
 //! use demosift::basics::ledger::InMemory;
 //! use demosift::basics::observer::Silent;
-//! use demosift::world::point_mass::{PointMass, planted_set};
-//! use demosift::run::preset::Preset;
-//! use demosift::world::rollout::Playground;
 //! use demosift::basics::seed::Seed;
 //! use demosift::results::panel::Judge;
+//! use demosift::run::experiment::{Run, panel, scores, selection};
+//! use demosift::run::preset::Preset;
 //! use demosift::stages::select::Keep;
+//! use demosift::world::point_mass::{PointMass, planted_set};
+//! use demosift::world::rollout::Playground;
 //!
 //! let (set, task) = (planted_set(&[150.0, 5.0, -120.0, -10.0], Seed::new(1))?, PointMass::new());
 //! let playground = Playground::new(&task);

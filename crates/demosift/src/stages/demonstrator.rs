@@ -11,6 +11,7 @@ use crate::data::trajectory::Trajectory;
 use crate::learning::adapt::Played;
 use crate::learning::advantage::AdvantageEstimation;
 use crate::learning::trpo::{self, TrustRegion};
+use crate::math::statistics::mean_of;
 use crate::world::environment::{EnvVariant, Specification};
 use crate::world::heuristic::Score;
 use crate::world::policy::{Policy, PolicyShape};
@@ -211,13 +212,12 @@ fn play_all_variants(
 }
 
 fn outcome(playground: &Playground<'_>, trajectories: &[Trajectory]) -> Outcome {
-    let count = trajectories.len() as f64;
     let task_return = |played: &Trajectory| played.task_rewards().iter().map(|r| f64::from(*r)).sum::<f64>();
     Outcome {
         episodes: trajectories.len(),
         success: playground.success_rate(trajectories),
-        score: trajectories.iter().map(|played| playground.score(played)).sum::<f64>() / count,
-        task_return: trajectories.iter().map(task_return).sum::<f64>() / count,
+        score: mean_of(trajectories.iter().map(|played| playground.score(played))),
+        task_return: mean_of(trajectories.iter().map(task_return)),
     }
 }
 

@@ -17,6 +17,7 @@ use crate::learning::adapt::{self, InnerUpdate, Learner, Played, Rule};
 use crate::learning::gail;
 use crate::math::nn::adam::Adam;
 use crate::math::rows::Rows;
+use crate::math::statistics;
 use crate::world::environment::{EnvVariant, Specification};
 use crate::world::heuristic::Score;
 use crate::world::policy::{Policy, PolicyShape};
@@ -170,13 +171,13 @@ pub fn steps(task: &Specification, imitation: &Imitation) -> u64 {
 /// Imitates the demonstrations that `state` is about from scratch; `part` names this imitation among others in events.
 ///
 /// ```
-/// use demosift::data::demonstration::DemoId;
-/// use demosift::stages::imitate::{ImitationState, imitate};
 /// use demosift::basics::observer::Silent;
-/// use demosift::world::point_mass::{PointMass, planted_set};
-/// use demosift::run::preset::Preset;
-/// use demosift::world::rollout::Playground;
 /// use demosift::basics::seed::Seed;
+/// use demosift::data::demonstration::DemoId;
+/// use demosift::run::preset::Preset;
+/// use demosift::stages::imitate::{ImitationState, imitate};
+/// use demosift::world::point_mass::{PointMass, planted_set};
+/// use demosift::world::rollout::Playground;
 ///
 /// let set = planted_set(&[180.0, 5.0, -5.0], Seed::new(1))?;
 /// let task = PointMass::new();
@@ -316,14 +317,11 @@ fn point(
     }
     state.evaluated += trajectories.iter().map(Trajectory::steps).sum::<usize>() as u64;
     let scores: Vec<Score> = trajectories.iter().map(|played| playground.score(played)).collect();
-    let count = scores.len() as f64;
-    let score = scores.iter().sum::<f64>() / count;
-    let squared_deviation = scores.iter().map(|other| (other - score).powi(2)).sum::<f64>();
     Ok(CurvePoint {
         updates: state.updates,
         environment_steps: state.environment_steps,
-        score,
-        standard_error: (squared_deviation / (count - 1.0).max(1.0) / count).sqrt(),
+        score: statistics::mean(&scores),
+        standard_error: statistics::standard_error(&scores),
         success: playground.success_rate(&trajectories),
         true_return: playground.mean_true_return(&trajectories),
     })

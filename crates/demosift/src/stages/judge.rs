@@ -33,6 +33,7 @@ use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::data::trajectory::Trajectory;
 use crate::learning::adapt::{InnerUpdate, Learner, MetaPrior, UpdateReport};
+use crate::math::statistics::{mean_of, mean_or_zero};
 use crate::world::environment::{EnvVariant, Specification};
 use crate::world::heuristic::Score;
 use crate::world::policy::{Policy, PolicyShape};
@@ -124,11 +125,7 @@ impl Suitability {
 }
 
 fn mean_of_means(scores: &[Vec<Score>]) -> Score {
-    mean(&scores.iter().map(|scores| mean(scores)).collect::<Vec<_>>())
-}
-
-fn mean(scores: &[Score]) -> Score {
-    scores.iter().sum::<f64>() / scores.len().max(1) as f64
+    mean_or_zero(&scores.iter().map(|scores| mean_or_zero(scores)).collect::<Vec<_>>())
 }
 
 /// All suitabilities of a set: variants in order, demonstrations in order within each.
@@ -142,8 +139,7 @@ impl ScoreTable {
     /// The adapted behaviors distance over the entire set (Table 1), the lower the better: how far from what was
     /// demonstrated the adapted agents are, in the units of observations and actions; NaN of an empty table.
     pub fn adapted_behaviors_distance(&self) -> f64 {
-        let distances: Vec<f64> = self.suitabilities.iter().map(|of| mean(&of.distances)).collect();
-        distances.iter().sum::<f64>() / distances.len() as f64
+        mean_of(self.suitabilities.iter().map(|of| mean_or_zero(&of.distances)))
     }
 
     /// What was found under one variant (Eq. 9 is taken per variant).
@@ -269,13 +265,13 @@ pub const STAGE: &str = "judge";
 /// Units are spread over threads as wholes; what comes out does not depend on their number.
 ///
 /// ```
-/// use demosift::learning::adapt::Learner;
-/// use demosift::stages::judge::{JudgingState, Start, Trial, judge};
 /// use demosift::basics::observer::Silent;
-/// use demosift::world::point_mass::{PointMass, planted_set};
-/// use demosift::run::preset::Preset;
-/// use demosift::world::rollout::Playground;
 /// use demosift::basics::seed::Seed;
+/// use demosift::learning::adapt::Learner;
+/// use demosift::run::preset::Preset;
+/// use demosift::stages::judge::{JudgingState, Start, Trial, judge};
+/// use demosift::world::point_mass::{PointMass, planted_set};
+/// use demosift::world::rollout::Playground;
 ///
 /// // Degrees away from the goal; the second demonstration leads there.
 /// let set = planted_set(&[180.0, 0.0, 100.0], Seed::new(1))?;
@@ -361,7 +357,7 @@ fn contested(trial: &Trial<'_>, state: &JudgingState, variant: EnvVariant, round
     let mut means: Vec<Vec<f64>> = vec![Vec::new(); trial.set.len()];
     for (unit, outcome) in &state.finished {
         if let (true, Some(demo)) = (unit.variant == variant && unit.repeat < before, unit.demo) {
-            means[demo.0].push(mean(&outcome.scores));
+            means[demo.0].push(mean_or_zero(&outcome.scores));
         }
     }
     let looks = rounds(trial.judging) - 1;

@@ -113,12 +113,12 @@ pub const STAGE: &str = "meta_train";
 /// Algorithm 1, continued from where `state` stands; its prior is what comes of it.
 ///
 /// ```
-/// use demosift::stages::meta_train::{MetaState, meta_train};
 /// use demosift::basics::observer::Silent;
-/// use demosift::world::point_mass::{PointMass, planted_set};
-/// use demosift::run::preset::Preset;
-/// use demosift::world::rollout::Playground;
 /// use demosift::basics::seed::Seed;
+/// use demosift::run::preset::Preset;
+/// use demosift::stages::meta_train::{MetaState, meta_train};
+/// use demosift::world::point_mass::{PointMass, planted_set};
+/// use demosift::world::rollout::Playground;
 ///
 /// let set = planted_set(&[180.0, 10.0, 120.0], Seed::new(1))?;
 /// let task = PointMass::new();

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::basics::error::{Error, Result};
 use crate::data::demonstration::DemoId;
+use crate::math::statistics::mean_of;
 use crate::stages::judge::ScoreTable;
 use crate::world::environment::EnvVariant;
 use crate::world::heuristic::Score;
@@ -126,12 +127,11 @@ fn rank_where(table: &ScoreTable, counts: impl Fn(EnvVariant) -> bool) -> Rankin
 fn entry(table: &ScoreTable, demo: DemoId, counts: &impl Fn(EnvVariant) -> bool) -> Option<Ranked> {
     let of_demo: Vec<_> =
         table.suitabilities.iter().filter(|s| s.demo == demo && counts(s.variant)).collect();
-    let count = of_demo.len() as f64;
     (!of_demo.is_empty()).then(|| Ranked {
         demo,
-        before: of_demo.iter().map(|s| s.mean_before()).sum::<f64>() / count,
-        after: of_demo.iter().map(|s| s.mean_after()).sum::<f64>() / count,
-        score: of_demo.iter().map(|s| s.score()).sum::<f64>() / count,
+        before: mean_of(of_demo.iter().map(|s| s.mean_before())),
+        after: mean_of(of_demo.iter().map(|s| s.mean_after())),
+        score: mean_of(of_demo.iter().map(|s| s.score())),
     })
 }
 
@@ -139,9 +139,9 @@ fn entry(table: &ScoreTable, demo: DemoId, counts: &impl Fn(EnvVariant) -> bool)
 ///
 /// ```
 /// use demosift::data::demonstration::DemoId;
-/// use demosift::world::environment::EnvVariant;
 /// use demosift::stages::judge::{ScoreTable, Suitability};
 /// use demosift::stages::select::{rank, rank_under, top_k};
+/// use demosift::world::environment::EnvVariant;
 ///
 /// // What judging found of a demonstration under a variant: K before and after imitating it, one an evaluation seed.
 /// let found = |demo, variant, before: [f64; 2], after: [f64; 2]| Suitability {

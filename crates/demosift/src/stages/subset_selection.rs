@@ -39,6 +39,7 @@ use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::data::weights::Weights;
 use crate::learning::adapt::{InnerUpdate, MetaPrior};
+use crate::math::statistics;
 use crate::stages::judge::{self, Judging, JudgingState, ScoreTable, Start, Suitability, Trial};
 use crate::stages::meta_train::{self, MetaState, MetaTraining, MutualInformation};
 use crate::world::heuristic::Score;
@@ -130,14 +131,14 @@ pub const STAGE: &str = "subset_selection";
 /// Algorithm 3, continued from where `state` stands.
 ///
 /// ```
-/// use demosift::learning::adapt::Learner;
-/// use demosift::data::demonstration::DemoId;
 /// use demosift::basics::observer::Silent;
-/// use demosift::world::point_mass::{PointMass, planted_set};
-/// use demosift::run::preset::Preset;
-/// use demosift::world::rollout::Playground;
 /// use demosift::basics::seed::Seed;
+/// use demosift::data::demonstration::DemoId;
+/// use demosift::learning::adapt::Learner;
+/// use demosift::run::preset::Preset;
 /// use demosift::stages::subset_selection::{Means, WeighingState, select_subset};
+/// use demosift::world::point_mass::{PointMass, planted_set};
+/// use demosift::world::rollout::Playground;
 ///
 /// let set = planted_set(&[180.0, 0.0, 130.0], Seed::new(1))?;
 /// let mut config = Preset::Quick.config();
@@ -292,8 +293,7 @@ fn spread(under: &[Suitability]) -> f64 {
     let before = under.first().into_iter().flat_map(|first| first.before.iter().flatten());
     let after = under.iter().flat_map(|suitability| suitability.after.iter().flatten());
     let scores: Vec<Score> = before.chain(after).copied().collect();
-    let mean = scores.iter().sum::<Score>() / scores.len() as f64;
-    (scores.iter().map(|score| (score - mean).powi(2)).sum::<f64>() / scores.len() as f64).sqrt()
+    statistics::mean_and_deviation(scores.iter().copied()).1
 }
 
 /// Lines 7 to 11: w_i ← w_i·β·exp(Δ_i) where Δ_i > 0, else w_i·β⁻¹·exp(Δ_i); then by their mean, above the floor.
@@ -303,7 +303,7 @@ fn adjusted(weights: &Weights, deltas: &[f64], how: &SubsetSelection) -> Weights
         weight * beta * delta.exp()
     };
     let adjusted: Vec<f64> = weights.iter().zip(deltas).map(adjust).collect();
-    let mean = adjusted.iter().sum::<f64>() / adjusted.len() as f64;
+    let mean = statistics::mean(&adjusted);
     Weights::new(adjusted.iter().map(|weight| (weight / mean).max(how.floor)).collect())
 }
 
@@ -319,7 +319,7 @@ fn weighed(table: &ScoreTable, deltas: Vec<f64>, weights: &Weights) -> Weighed {
     let mean = |value: &dyn Fn(&Suitability) -> Score, demo: usize| {
         let of_demo = table.suitabilities.iter().filter(|one| one.demo.0 == demo);
         let values: Vec<Score> = of_demo.map(value).collect();
-        values.iter().sum::<Score>() / values.len() as f64
+        statistics::mean(&values)
     };
     Weighed {
         baseline: mean(&Suitability::mean_before, 0),

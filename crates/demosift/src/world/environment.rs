@@ -76,10 +76,10 @@ impl Specification {
 /// Here a cart on a rail should come to rest at 1 m:
 ///
 /// ```
+/// use demosift::basics::seed::Seed;
+/// use demosift::math::rows::Rows;
 /// use demosift::world::environment::{EnvVariant, Environment, Specification, StepOutcome, Task};
 /// use demosift::world::heuristic::{Heuristic, Score};
-/// use demosift::math::rows::Rows;
-/// use demosift::basics::seed::Seed;
 ///
 /// const CONTROL_STEP_SECS: f32 = 0.1;
 ///

@@ -8,8 +8,8 @@ pub type Score = f64;
 /// K: scores one episode from its measurements (§4.3).
 ///
 /// ```
-/// use demosift::world::heuristic::{Heuristic, Score};
 /// use demosift::math::rows::Rows;
+/// use demosift::world::heuristic::{Heuristic, Score};
 ///
 /// /// The greatest height that was reached while the first measurement, a contact, was 0.
 /// struct HighestFlight;

@@ -10,6 +10,7 @@ use crate::basics::error::Result;
 use crate::basics::seed::Seed;
 use crate::data::trajectory::{Parts, StateLog, Trajectory};
 use crate::math::rows::Rows;
+use crate::math::statistics;
 use crate::world::environment::{EnvVariant, Environment, Specification, Task};
 use crate::world::heuristic::Score;
 use crate::world::policy::{Player, Policy};
@@ -65,7 +66,7 @@ impl<'t> Playground<'t> {
     pub fn mean_true_return(&self, trajectories: &[Trajectory]) -> Option<f64> {
         let returns: Option<Vec<f64>> =
             trajectories.iter().map(|played| self.task.true_return(played.measurements())).collect();
-        returns.map(|returns| returns.iter().sum::<f64>() / returns.len().max(1) as f64)
+        returns.map(|returns| statistics::mean_or_zero(&returns))
     }
 
     /// Environment steps taken here so far.

@@ -5,6 +5,7 @@
 
 use crate::basics::error::Result;
 use crate::data::demonstration::{Demonstration, DemonstrationSet};
+use crate::math::statistics::mean_of;
 
 /// The range of each action in the demonstration by its range in the set, the mean over the actions that vary, from 0
 /// to 1; nothing to say where none varies.
@@ -21,7 +22,7 @@ pub fn action_range(set: &DemonstrationSet) -> Result<Option<Vec<f64>>> {
     let used = |demonstration: &Demonstration| {
         let own = extremes(demonstration);
         let share = |&column: &usize| (own[column].1 - own[column].0) / (of_set[column].1 - of_set[column].0);
-        varies.iter().map(share).sum::<f64>() / varies.len() as f64
+        mean_of(varies.iter().map(share))
     };
     Ok(Some(set.iter().map(|(_, demonstration)| used(demonstration)).collect()))
 }

@@ -22,6 +22,7 @@ use super::{standard_actions, standard_observations};
 use crate::basics::error::Result;
 use crate::data::demonstration::DemonstrationSet;
 use crate::math::rows::Rows;
+use crate::math::statistics;
 
 /// k of DemInf.
 const NEIGHBORS: [usize; 3] = [5, 6, 7];
@@ -53,7 +54,7 @@ pub fn mutual_information(set: &DemonstrationSet) -> Result<Option<Vec<f64>>> {
     let mean = |demonstration: usize| {
         let own: Vec<f64> =
             of.iter().zip(&contributions).filter(|(of, _)| **of == demonstration).map(|(_, i)| *i).collect();
-        own.iter().sum::<f64>() / own.len() as f64
+        statistics::mean(&own)
     };
     Ok(Some((0..set.len()).map(mean).collect()))
 }
@@ -78,7 +79,7 @@ fn contributions(states: &Rows, actions: &Rows) -> Vec<f64> {
             let n = |distances: &[f32]| distances.iter().filter(|distance| nearer(**distance, reach)).count();
             digamma[k] + digamma[count] - digamma[n(&s)] - digamma[n(&a)]
         };
-        NEIGHBORS.map(contribution).iter().sum::<f64>() / NEIGHBORS.len() as f64
+        statistics::mean(&NEIGHBORS.map(contribution))
     };
     (0..count).into_par_iter().map(of).collect()
 }

@@ -5,11 +5,10 @@
 //! | a mean over seeds | percentile bootstrap | stays within the range of what was measured, which a correlation near 1 needs |
 //! | a difference of pairs | Student's t | a bootstrap of ten pairs is too narrow by a fifth, and this interval decides |
 
-use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
 
 use crate::basics::seed::Seed;
-use crate::math::statistics::mean;
+use crate::math::statistics::{mean, mean_at, mean_of, quantile, resample, standard_error};
 
 /// How sure an interval is.
 pub const LEVEL: f64 = 0.95;
@@ -37,11 +36,8 @@ pub fn estimate(values: &[f64]) -> Option<Estimate> {
         return None;
     }
     let mut rng = Seed::new(0).of("study").into_rng();
-    let mut draw = || {
-        (0..values.len()).map(|_| values[rng.random_range(0..values.len())]).sum::<f64>()
-            / values.len() as f64
-    };
-    let mut drawn: Vec<f64> = (0..DRAWS).map(|_| draw()).collect();
+    let mut drawn: Vec<f64> =
+        (0..DRAWS).map(|_| mean_at(values, &resample(values.len(), &mut rng))).collect();
     drawn.sort_by(f64::total_cmp);
     let tail = (1.0 - LEVEL) / 2.0;
     Some(Estimate {
@@ -50,13 +46,6 @@ pub fn estimate(values: &[f64]) -> Option<Estimate> {
         high: quantile(&drawn, 1.0 - tail),
         seeds: values.len(),
     })
-}
-
-/// A quantile of sorted values, between neighbors by a straight line.
-fn quantile(sorted: &[f64], share: f64) -> f64 {
-    let place = share * (sorted.len() - 1) as f64;
-    let (below, above) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);
-    below + (above - below) * place.fract()
 }
 
 /// By how much one is above the other, and whether that can be told from luck.
@@ -86,8 +75,7 @@ pub fn paired_difference(pairs: &[(f64, f64)]) -> Option<Difference> {
     }
     let differences: Vec<f64> = pairs.iter().map(|(one, other)| one - other).collect();
     let (center, count) = (mean(&differences), differences.len());
-    let squared = differences.iter().map(|difference| (difference - center).powi(2)).sum::<f64>();
-    let standard_error = (count > 1).then(|| (squared / (count - 1) as f64 / count as f64).sqrt());
+    let standard_error = (count > 1).then(|| standard_error(&differences));
     let half = standard_error.map(|error| error * t_quantile(count - 1));
     let interval = half.map(|half| [center - half, center + half]);
     Some(Difference { mean: center, interval, standard_error, pairs: count })
@@ -105,7 +93,7 @@ pub fn over_sets(differences: &[Difference]) -> Option<OverSets> {
         return None;
     }
     let count = known.len() as f64;
-    let center = known.iter().map(|(mean, ..)| mean).sum::<f64>() / count;
+    let center = mean_of(known.iter().map(|(mean, ..)| *mean));
     let squares: f64 = known.iter().map(|(_, error, _)| error.powi(2)).sum();
     let fourths: f64 = known.iter().map(|(_, error, pairs)| error.powi(4) / (pairs - 1) as f64).sum();
     let error = squares.sqrt() / count;

@@ -117,8 +117,9 @@ fn without(seeds: &[Vec<Score>], left: usize) -> Vec<Score> {
 }
 
 fn mean_of<'s>(seeds: impl Iterator<Item = &'s Vec<Score>> + Clone) -> Vec<Score> {
-    let (count, size) = (seeds.clone().count() as f64, seeds.clone().next().map_or(0, Vec::len));
-    (0..size).map(|demo| seeds.clone().map(|scores| scores[demo]).sum::<f64>() / count).collect()
+    let size = seeds.clone().next().map_or(0, Vec::len);
+    let of_demo = |demo: usize| seeds.clone().map(|scores| scores[demo]).collect::<Vec<_>>();
+    (0..size).map(|demo| mean(&of_demo(demo))).collect()
 }
 
 impl Study {

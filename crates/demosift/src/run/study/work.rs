@@ -190,15 +190,11 @@ fn combined(rule: Rule, parts: &[Vec<Score>]) -> Vec<Score> {
             Rule::Scores => standardized(scores),
         })
         .collect();
-    (0..parts[0].len())
-        .map(|demo| alike.iter().map(|scores| scores[demo]).sum::<f64>() / alike.len() as f64)
-        .collect()
+    (0..parts[0].len()).map(|demo| statistics::mean_of(alike.iter().map(|scores| scores[demo]))).collect()
 }
 
 /// With mean 0 and standard deviation 1; equal scores say nothing, and become 0.
 fn standardized(scores: &[Score]) -> Vec<f64> {
-    let center = statistics::mean(scores);
-    let spread =
-        (scores.iter().map(|score| (score - center).powi(2)).sum::<f64>() / scores.len() as f64).sqrt();
+    let (center, spread) = statistics::mean_and_deviation(scores.iter().copied());
     scores.iter().map(|score| if spread > 0.0 { (score - center) / spread } else { 0.0 }).collect()
 }

@@ -5,7 +5,7 @@
 //! demonstrations and looks asks for.
 //! So stopping by them does not make them wrong, however often one looks.
 
-use statrs::distribution::{ContinuousCDF as _, StudentsT};
+use crate::math::statistics::{Moderation, mean, squared_deviations, student_quantile};
 
 /// The probability with which every decision of a race is right.
 pub const LEVEL: f64 = 0.9;
@@ -64,25 +64,17 @@ struct Interval {
 
 fn intervals(means: &[Vec<f64>], race: &Race) -> Vec<Interval> {
     let centers: Vec<f64> = means.iter().map(|repeats| mean(repeats)).collect();
-    let squares = |(repeats, center): (&Vec<f64>, &f64)| -> f64 {
-        repeats.iter().map(|value| (value - center).powi(2)).sum()
-    };
-    let own: Vec<f64> = means.iter().zip(&centers).map(squares).collect();
-    let freedom: f64 = means.iter().map(|repeats| repeats.len() as f64 - 1.0).sum();
-    let common = own.iter().sum::<f64>() / freedom;
+    let own: Vec<f64> = means.iter().map(|repeats| squared_deviations(repeats)).collect();
+    let all_freedom: f64 = means.iter().map(|repeats| repeats.len() as f64 - 1.0).sum();
+    let moderation = Moderation { common: own.iter().sum::<f64>() / all_freedom, worth: POOLING };
     let tail = (1.0 - race.level) / (2.0 * means.len() as f64 * race.looks.max(1) as f64);
     let interval = |((repeats, center), squares): ((&Vec<f64>, &f64), &f64)| {
-        let freedom = repeats.len() as f64 - 1.0 + POOLING;
-        let variance = (squares + POOLING * common) / freedom;
-        let student = StudentsT::new(0.0, 1.0, freedom).expect("there is some freedom");
-        let half = student.inverse_cdf(1.0 - tail) * (variance / repeats.len() as f64).sqrt();
+        let freedom = repeats.len() as f64 - 1.0;
+        let quantile = student_quantile(tail, moderation.freedom(freedom)).expect("there is some freedom");
+        let half = quantile * (moderation.variance(*squares, freedom) / repeats.len() as f64).sqrt();
         Interval { low: center - half, high: center + half }
     };
     means.iter().zip(&centers).zip(&own).map(interval).collect()
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
 }
 
 #[cfg(test)]

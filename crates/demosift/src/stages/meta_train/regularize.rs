@@ -29,6 +29,7 @@ use crate::learning::mutual_information::{
 };
 use crate::learning::trpo::{self, Step, TrustRegion};
 use crate::math::nn::adam::Adam;
+use crate::math::statistics::{mean, mean_and_variance, mean_of};
 use crate::world::environment::EnvVariant;
 use crate::world::policy::Policy;
 use crate::world::rollout::{self, Acting};
@@ -231,7 +232,7 @@ fn inform_all(
     for (imitator, step) in imitators.iter_mut().zip(&steps) {
         imitator.adapted.policy = imitator.adapted.policy.moved(&step.displacement);
     }
-    Ok(steps.iter().map(|step| step.kl).sum::<f64>() / steps.len() as f64)
+    Ok(mean_of(steps.iter().map(|step| step.kl)))
 }
 
 /// Line 14 for one demonstration: −α∇L_MI with TRPO, on the trajectories that are paid.
@@ -255,16 +256,13 @@ fn inform(
 
 /// Share of the variance of the encodings that Q explains on held-out pairs; 0 where all are the same.
 fn explained(told: &[Told], encodings: &[f32]) -> f64 {
-    let count = told.len() as f64;
-    let center = encodings.iter().map(|c| f64::from(*c)).sum::<f64>() / count;
-    let variance = encodings.iter().map(|c| (f64::from(*c) - center).powi(2)).sum::<f64>() / count;
-    let squared_error = told.iter().map(|told| told.squared_error).sum::<f64>() / count;
+    let (_, variance) = mean_and_variance(encodings.iter().map(|encoding| f64::from(*encoding)));
+    let squared_error = mean_of(told.iter().map(|told| told.squared_error));
     if variance > 0.0 { 1.0 - squared_error / variance } else { 0.0 }
 }
 
 fn mean_log_q(told: &[Told]) -> f64 {
-    let mean = |told: &Told| told.rewards.iter().sum::<f64>() / told.rewards.len() as f64;
-    told.iter().map(mean).sum::<f64>() / told.len() as f64
+    mean_of(told.iter().map(|told| mean(&told.rewards)))
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use super::{MetaState, Outcome, PlayedRound, Round, STAGE};
 use crate::basics::observer::{Event, Observer};
+use crate::math::statistics::{mean, mean_of};
 use crate::world::environment::EnvVariant;
 
 /// Tells the numbers of a round, those of the meta-updates among them.
@@ -12,7 +13,6 @@ pub(super) fn report(
     observer: &mut dyn Observer,
 ) {
     let PlayedRound { outcomes, information, behavior_spread, .. } = played;
-    let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len() as f64;
     let mut numbers = Vec::new();
     let after: Vec<f64> = outcomes.iter().filter_map(|outcome| outcome.after.mean_score()).collect();
     let reports: Vec<_> = outcomes.iter().map(|outcome| outcome.update.numbers()).collect();
@@ -22,10 +22,10 @@ pub(super) fn report(
             "kl" => "inner_kl",
             name => name,
         };
-        numbers.push((name, mean(reports.iter().map(|report| report[place].1).collect())));
+        numbers.push((name, mean_of(reports.iter().map(|report| report[place].1))));
     }
     if !after.is_empty() {
-        numbers.push(("score_after", mean(after)));
+        numbers.push(("score_after", mean(&after)));
     }
     numbers.extend(updated);
     numbers.push(("environment_steps", state.environment_steps as f64));
@@ -58,7 +58,7 @@ pub(super) fn behavior_spread(round: &Round<'_>, outcomes: &[Outcome]) -> Option
         let others: Vec<&Vec<f64>> =
             means.iter().filter(|(other, _)| other == variant).map(|(_, mean)| mean).collect();
         for (at, value) in mean.iter().enumerate() {
-            let center = others.iter().map(|other| other[at]).sum::<f64>() / others.len() as f64;
+            let center = mean_of(others.iter().map(|other| other[at]));
             squares += (value - center).powi(2);
         }
         count += mean.len();

@@ -2,6 +2,7 @@
 
 use super::welch::{Sample, Welch};
 use super::{Candidate, Conclusion, DECISIVE, Difference, LEVEL, Pair, Side, Trained, Verdict, words};
+use crate::math::statistics::{mean, mean_of};
 
 /// Share of the level at which is tested. Scores that are all or nothing come in steps, and at the level itself a test of
 /// five or ten such trainings a side is wrong in 5.8 % (`docs/design.md`).
@@ -18,8 +19,8 @@ const TAIL: f64 = 0.025;
 /// Over the pairs compared the level is divided by their number (Bonferroni), for the limits of the difference too.
 ///
 /// ```
-/// use demosift::learning::adapt::Rule;
 /// use demosift::data::demonstration::DemoId;
+/// use demosift::learning::adapt::Rule;
 /// use demosift::stages::imitate::CurvePoint;
 /// use demosift::stages::referee::{Conclusion, NamedSubset, Trained, Training, candidates, decide};
 ///
@@ -166,7 +167,6 @@ fn best_training(pair: &Trained) -> usize {
 fn pairs(field: &Field<'_>, trained: &[Trained]) -> Vec<Pair> {
     let controls: Vec<usize> = field.kept.iter().flat_map(|kept| field.random(*kept)).collect();
     let pair = |(index, trained): (usize, &Trained)| {
-        let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len() as f64;
         let success: Option<Vec<f64>> =
             trained.trainings.iter().map(|training| training.outcome.success).collect();
         let limits = field.samples[index].limits(TAIL);
@@ -175,8 +175,8 @@ fn pairs(field: &Field<'_>, trained: &[Trained]) -> Vec<Pair> {
             mean: field.samples[index].mean,
             low: limits.map(|limits| limits.0),
             high: limits.map(|limits| limits.1),
-            end: mean(trained.trainings.iter().map(|training| training.end.score).collect()),
-            success: success.map(mean),
+            end: mean_of(trained.trainings.iter().map(|training| training.end.score)),
+            success: success.map(|shares| mean(&shares)),
             is_compared: !field.kept.is_empty() && sides.iter().any(|side| side.contains(&index)),
             trained: trained.clone(),
         }

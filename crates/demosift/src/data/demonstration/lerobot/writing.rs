@@ -11,6 +11,7 @@ use crate::basics::files;
 use crate::data::demonstration::parquet_writing::{Column, Values, encode};
 use crate::data::demonstration::source::Episode;
 use crate::data::trajectory::StateLog;
+use crate::math::statistics;
 
 /// LeRobot's own limits, which it goes on with when it adds episodes.
 const DATA_MEGABYTES: u32 = 100;
@@ -275,16 +276,11 @@ fn spread(values: &[f64], width: usize) -> Value {
     let each = |number: &dyn Fn(&[f64]) -> f64| -> Vec<f64> {
         columns.iter().map(|column| number(column)).collect()
     };
-    let mean = |column: &[f64]| column.iter().sum::<f64>() / count as f64;
-    let deviation = |column: &[f64]| {
-        let center = mean(column);
-        (column.iter().map(|value| (value - center).powi(2)).sum::<f64>() / count as f64).sqrt()
-    };
     let mut spread = json!({
         "min": each(&|column| column[0]),
         "max": each(&|column| column[count - 1]),
-        "mean": each(&mean),
-        "std": each(&deviation),
+        "mean": each(&|column| statistics::mean(column)),
+        "std": each(&|column| statistics::mean_and_deviation(column.iter().copied()).1),
         "count": [count],
     });
     for (name, share) in QUANTILES {
