@@ -16,10 +16,8 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use signal_hook::{flag, low_level};
 
-use crate::terminal;
+use crate::{terminal, writing};
 
-/// Held by whoever writes, and by the interruption that ends the process.
-static WRITING: Mutex<()> = Mutex::new(());
 /// The run folder, once there is one.
 static FOLDER: Mutex<Option<PathBuf>> = Mutex::new(None);
 
@@ -59,15 +57,9 @@ pub(crate) fn run_is_in(folder: &Path) {
     *lock(&FOLDER) = Some(folder.to_owned());
 }
 
-/// Writes something whole before an interruption may end the process; never one within another, which would wait for itself.
-pub(crate) fn undisturbed<T>(write: impl FnOnce() -> T) -> T {
-    let _writing = lock(&WRITING);
-    write()
-}
-
 fn stop(signal: i32, goes_on: GoesOn) {
     // Never given back: from here on nothing more is written.
-    let _writing = lock(&WRITING);
+    let _writing = writing::hold();
     let folder = lock(&FOLDER);
     match folder.as_deref() {
         Some(folder) if goes_on != GoesOn::Never => {

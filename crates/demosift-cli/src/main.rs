@@ -18,6 +18,7 @@ mod study_folder;
 mod tables;
 mod task;
 mod terminal;
+mod writing;
 
 use std::process::ExitCode;
 

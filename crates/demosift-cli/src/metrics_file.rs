@@ -13,7 +13,7 @@ use demosift::{Error, Result};
 use serde_json::{Value, json};
 
 use crate::event_file::EventFile;
-use crate::interruption::undisturbed;
+use crate::writing::undisturbed;
 
 /// Which measurement a row is: stage, part, iteration.
 type Row = (String, String, u64);

@@ -13,7 +13,8 @@ use serde::{Deserialize, Serialize};
 use toml::Table;
 
 use crate::configuration;
-use crate::interruption::{self, undisturbed};
+use crate::interruption;
+use crate::writing::undisturbed;
 
 const RUN: &str = "run.json";
 pub(crate) const RESOLVED: &str = "resolved.toml";

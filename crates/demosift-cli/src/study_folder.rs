@@ -11,8 +11,9 @@ use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::interruption::{self, undisturbed};
+use crate::interruption;
 use crate::study_file::OpenedSet;
+use crate::writing::undisturbed;
 
 const CELLS: &str = "cells";
 const SET_ASIDE: &str = "set_aside";

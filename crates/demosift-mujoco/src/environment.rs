@@ -15,10 +15,10 @@ use demosift::world::environment::{EnvVariant, Environment, SimulatorState, Step
 use demosift::{Error, Result};
 use mujoco_rs::prelude::{MjData, MjtWarning};
 
+use crate::blueprint::Blueprint;
 use crate::heuristic_fold::FoldState;
 use crate::measurement::{Data, Moment, Step};
 use crate::model::Model;
-use crate::mujoco_task::Blueprint;
 use crate::observation::Reading;
 use crate::reward::Transition;
 

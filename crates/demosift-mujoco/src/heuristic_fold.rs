@@ -5,25 +5,9 @@
 use demosift::math::rows::Rows;
 use demosift::world::heuristic::{Heuristic, Score};
 use demosift::{Error, Result};
-use serde::Deserialize;
 
 use crate::names::instead;
-use crate::task_file::{self, FoldOf, OneOrMore};
-
-/// How the counted rows become one number.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum FoldKind {
-    /// The last counted value less the first.
-    LastMinusFirst,
-    Min,
-    Max,
-    Sum,
-    Mean,
-    Last,
-    /// How many rows are counted.
-    Count,
-}
+use crate::task_file::{self, FoldKind, FoldOf, OneOrMore};
 
 /// A fold whose names have become columns.
 #[derive(Clone, Debug)]

@@ -82,6 +82,7 @@
 //! Where an episode ends early, heuristic, success and return are worked out of the rows that were played.
 //! A mean then rates a beginning; `docs/traps/variable-horizon.md` says what to take instead.
 
+mod blueprint;
 pub mod check;
 mod ends;
 pub mod environment;

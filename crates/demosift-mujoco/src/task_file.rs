@@ -346,11 +346,26 @@ pub(crate) struct Noise {
     pub(crate) except: Vec<String>,
 }
 
+/// How the counted rows become one number.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum FoldKind {
+    /// The last counted value less the first.
+    LastMinusFirst,
+    Min,
+    Max,
+    Sum,
+    Mean,
+    Last,
+    /// How many rows are counted.
+    Count,
+}
+
 /// A number that sums up the measurements of an episode.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct FoldOf {
-    pub(crate) fold: crate::heuristic_fold::FoldKind,
+    pub(crate) fold: FoldKind,
     #[serde(default)]
     pub(crate) of: OneOrMore,
     /// Turns a number of which less is better into a score.
@@ -396,7 +411,7 @@ pub(crate) struct Condition {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Success {
-    pub(crate) fold: crate::heuristic_fold::FoldKind,
+    pub(crate) fold: FoldKind,
     #[serde(default)]
     pub(crate) of: OneOrMore,
     #[serde(default)]

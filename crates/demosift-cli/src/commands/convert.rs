@@ -10,7 +10,7 @@ use serde_json::json;
 
 use crate::arguments::{ConvertArguments, Target};
 use crate::demonstrations;
-use crate::interruption::undisturbed;
+use crate::writing::undisturbed;
 use crate::{task, terminal};
 
 pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {

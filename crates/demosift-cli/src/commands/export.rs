@@ -19,9 +19,9 @@ use super::convert;
 use crate::arguments::{ExportArguments, Form, SourceArguments};
 use crate::configuration::Layer;
 use crate::demonstrations::{self, Demonstrations};
-use crate::interruption::undisturbed;
 use crate::run_folder::{self, Data, Identity, RunFolder};
 use crate::terminal;
+use crate::writing::undisturbed;
 
 /// What a run recommends to train on: what its verdict says, or without one what its ranking keeps.
 struct Kept {

@@ -24,13 +24,13 @@ use self::source::{Guest, Source};
 use super::{dry_run, kept_in};
 use crate::arguments::{RecordArguments, RunArguments};
 use crate::configuration;
-use crate::interruption::undisturbed;
 use crate::job::{self, Plan};
 use crate::metrics_file::MetricsFile;
 use crate::run_folder::RunFolder;
 use crate::tables::{self, Scale};
 use crate::task::Chosen;
 use crate::terminal::{self, Progress};
+use crate::writing::undisturbed;
 
 /// Where the demonstrations came from: apart from them, so that nothing that judges reads it.
 const PROVENANCE_FILE: &str = "provenance.json";

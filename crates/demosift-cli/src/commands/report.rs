@@ -12,11 +12,11 @@ use demosift::run::experiment;
 use serde_json::json;
 
 use crate::arguments::ReportArguments;
-use crate::interruption::undisturbed;
 use crate::job::{Job, Prior};
 use crate::report::{page, replay};
 use crate::run_folder;
 use crate::terminal;
+use crate::writing::undisturbed;
 
 /// The report's file in a run folder.
 const PAGE: &str = "report.html";

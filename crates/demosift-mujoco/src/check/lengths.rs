@@ -5,8 +5,8 @@ use demosift::data::trajectory::StateLog;
 use demosift::math::rows::Rows;
 use demosift::world::environment::Task as _;
 
+use super::comparison::Recorded;
 use super::known::Known;
-use super::recorded::Recorded;
 use super::{Finding, first_few, several};
 use crate::ends::Kept;
 use crate::mujoco_task::MujocoTask;

@@ -6,6 +6,7 @@
 //! Nothing here ranks anything, and nothing that ranks reads any of it.
 
 mod columns;
+mod comparison;
 mod dynamics;
 mod known;
 mod lengths;
@@ -15,9 +16,10 @@ mod seen;
 
 use serde::Serialize;
 
+pub use comparison::{Compared, Recorded, StatesFrom};
 pub use dynamics::{Drift, percent_missed};
 pub use play::{Played, Range, play};
-pub use recorded::{Compared, Recorded, StatesFrom, compare};
+pub use recorded::compare;
 pub use seen::{Actuator, Measured, Part, Seen, look};
 
 /// How bad a finding is.

@@ -5,8 +5,9 @@ use demosift::world::heuristic::Heuristic as _;
 use serde::Serialize;
 
 use super::Finding;
+use crate::blueprint::Blueprint;
 use crate::model::Kind;
-use crate::mujoco_task::{Blueprint, MujocoTask};
+use crate::mujoco_task::MujocoTask;
 use crate::reward::Term;
 
 /// A task as its model and its task file describe it.

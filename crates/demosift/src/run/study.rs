@@ -20,7 +20,10 @@ mod choice;
 pub mod compact;
 pub mod estimate;
 pub mod make;
+mod parts;
 mod plan;
+pub mod pools;
+mod referee_rates;
 mod refereed;
 pub mod summary;
 mod truth;
@@ -37,9 +40,11 @@ use crate::stages::imitate::CurvePoint;
 use crate::world::heuristic::Score;
 
 pub use choice::{Choice, TopK};
-pub use plan::{Combination, Judge, Only, Pool, Regret, Rule as CombinationRule, Seeds, Set, Study};
-pub use refereed::{Refereed, RefereedSummary};
-pub use truth::{Against, Known};
+pub use parts::{Known, Pool, Seeds, Set};
+pub use plan::{Combination, Judge, Only, Regret, Rule as CombinationRule, Study};
+pub use referee_rates::RefereedSummary;
+pub use refereed::Refereed;
+pub use truth::Against;
 
 /// What a cell is to find out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -10,7 +10,7 @@ use demosift::{Error, Result};
 use super::folder;
 use crate::arguments::ExportArguments;
 use crate::commands::play::read_policy;
-use crate::interruption::undisturbed;
+use crate::writing::undisturbed;
 use crate::{run_folder, task, terminal};
 
 pub(super) fn run(arguments: &ExportArguments) -> Result<()> {

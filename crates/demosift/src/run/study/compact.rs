@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::{Number, Value};
 
-use super::summary::PoolSummary;
+use super::pools::PoolSummary;
 use super::{Cell, Finished, Study};
 use crate::basics::error::{Error, Result};
 

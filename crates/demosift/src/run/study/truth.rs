@@ -4,23 +4,14 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::plan::{Set, Study};
+use super::parts::Set;
+use super::plan::Study;
 use super::work::top;
 use super::{Finished, imitator_name};
 use crate::data::demonstration::DemoId;
 use crate::learning::adapt::Rule;
 use crate::math::statistics::mean;
 use crate::world::heuristic::Score;
-
-/// What is known of the demonstrations of a set, such as their returns.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Known {
-    /// What it is: `return` or `stage`.
-    pub kind: String,
-    /// One a demonstration, higher is better.
-    pub values: Vec<f64>,
-}
 
 /// A truth by name.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -5,7 +5,8 @@ use std::collections::BTreeSet;
 use rand::seq::IndexedRandom as _;
 
 use super::choice::{Choice, TopK};
-use super::plan::{Combination, Judge, Only, Regret, Rule, Set, Study};
+use super::parts::Set;
+use super::plan::{Combination, Judge, Only, Regret, Rule, Study};
 use super::{Finished, Work};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemoId;

@@ -1,0 +1,129 @@
+//! What the environments of a task share: its task file with every name looked up in its model.
+
+use demosift::world::environment::Specification;
+use demosift::{Error, Result};
+
+use crate::ends::Ends;
+use crate::heuristic_fold::{Fold, column};
+use crate::measurement::{self, Measurement};
+use crate::model::{Kind, Model};
+use crate::observation::{self, Observed, Reading};
+use crate::reset::Reset;
+use crate::reward::{RewardShaping, Success, Term};
+use crate::task_file::TaskFile;
+
+/// All that the environments of a task share.
+pub(crate) struct Blueprint {
+    pub(crate) specification: Specification,
+    pub(crate) model: Model,
+    pub(crate) frame_skip: u32,
+    pub(crate) observation: Vec<Reading>,
+    pub(crate) measurements: Vec<Measurement>,
+    /// The columns of the measurements, each after those that it is made of.
+    pub(crate) measuring_order: Vec<usize>,
+    pub(crate) ends: Ends,
+    pub(crate) controls: Vec<Control>,
+    pub(crate) reset: Reset,
+    pub(crate) terms: Vec<Term>,
+    pub(crate) success: Option<Success>,
+    pub(crate) shaping: Option<Box<dyn RewardShaping>>,
+    pub(crate) heuristic: Fold,
+    /// The column whose sum over the steps others would report.
+    pub(crate) true_return: Option<usize>,
+    pub(crate) camera: Option<String>,
+}
+
+/// How an action in [−1, 1] becomes a control: middle + half_range · action.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Control {
+    pub(crate) middle: f64,
+    pub(crate) half_range: f64,
+}
+
+/// Looks up every name of a task file in its model.
+///
+/// # Errors
+/// Of the first name or number that cannot be; says what would be right.
+pub(crate) fn resolve(file: &TaskFile, model: Model) -> Result<Blueprint> {
+    let horizon = horizon(file)?;
+    let names: Vec<String> = file.measurements.keys().cloned().collect();
+    let Observed { readings: observation, parts } =
+        observation::resolve(&file.observation, &model).map_err(|error| error.during("observation"))?;
+    let ends = Ends::resolve(&file.ends, &names).map_err(|error| error.during("ends"))?;
+    let measurements = measurement::resolve(&file.measurements, &names, &model, &ends)?;
+    let true_return = file.true_return.as_ref().map(|of| column(&of.measurement, &names)).transpose();
+    let true_return = true_return.map_err(|error| error.during("return"))?;
+    let control_step_secs = model.timestep_secs() * f64::from(file.frame_skip.get());
+    let terms = file.reward.iter().map(|term| Term::resolve(term, &names, control_step_secs));
+    let terms = terms.collect::<Result<Vec<_>>>().map_err(|error| error.during("reward"))?;
+    let heuristic = Fold::resolve(&file.heuristic, &names).map_err(|error| error.during("heuristic"))?;
+    let success = file.success.as_ref().map(|success| Success::resolve(success, &names)).transpose();
+    let success = success.map_err(|error| error.during("success"))?;
+    let control_ranges = model.control_ranges()?;
+    let controls: Vec<Control> = control_ranges
+        .iter()
+        .map(|[low, high]| Control { middle: 0.5 * (low + high), half_range: 0.5 * (high - low) })
+        .collect();
+    let specification = Specification {
+        name: file.name.clone(),
+        observation_size: observation.iter().map(Reading::width).sum(),
+        observation_parts: parts,
+        action_size: controls.len(),
+        control_ranges,
+        measurements: names,
+        variants: variant_names(file)?,
+        horizon,
+        control_step_secs,
+    };
+    Ok(Blueprint {
+        reset: Reset::resolve(file, &model)?,
+        camera: camera(file, &model)?,
+        specification,
+        model,
+        frame_skip: file.frame_skip.get(),
+        observation,
+        measuring_order: measurement::order(&measurements),
+        measurements,
+        ends,
+        true_return,
+        controls,
+        terms,
+        success,
+        shaping: None,
+        heuristic,
+    })
+}
+
+/// Control steps that an episode may have: beyond any that could be learned from, and few enough to be counted and kept.
+const LONGEST: usize = 10_000_000;
+
+fn horizon(file: &TaskFile) -> Result<usize> {
+    match file.horizon.get() {
+        horizon if horizon > LONGEST => {
+            Err(Error::bad_config(format!("horizon = {horizon}: must be at most {LONGEST} control steps")))
+        }
+        horizon => Ok(horizon),
+    }
+}
+
+fn variant_names(file: &TaskFile) -> Result<Vec<String>> {
+    let names: Vec<String> = file.variant.iter().map(|variant| variant.name.clone()).collect();
+    for (index, name) in names.iter().enumerate() {
+        if names[..index].contains(name) {
+            return Err(Error::bad_config(format!(
+                "two variants are called '{name}'; each needs a name of its own"
+            )));
+        }
+    }
+    Ok(if names.is_empty() { vec!["default".to_owned()] } else { names })
+}
+
+fn camera(file: &TaskFile, model: &Model) -> Result<Option<String>> {
+    match &file.camera {
+        Some(name) => {
+            model.id(Kind::Camera, name).map_err(|error| error.during("camera"))?;
+            Ok(Some(name.clone()))
+        }
+        None => Ok(model.cameras().into_iter().next()),
+    }
+}
