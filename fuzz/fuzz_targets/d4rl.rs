@@ -1,5 +1,5 @@
 #![no_main]
 
-use demosift::data::demonstration::source::Format;
+use demosift::data::demonstration::episode::Format;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| demosift_fuzz::file(bytes, Format::D4rl));

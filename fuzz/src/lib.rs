@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use demosift::data::demonstration::source::{self, Columns, Format};
+use demosift::data::demonstration::episode::{Columns, Format};
+use demosift::data::demonstration::open;
 
 /// Reads the bytes as a file of this format.
 pub fn file(bytes: &[u8], format: Format) {
@@ -22,7 +23,7 @@ pub fn folder(bytes: &[u8], format: Format, fixture: &str, replaced: &str) {
 }
 
 fn read(path: &Path, format: Format) {
-    if let Ok(source) = source::open(path, Some(format), &Columns::default()) {
+    if let Ok(source) = open::open(path, Some(format), &Columns::default()) {
         let _ = source.set();
     }
 }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
-use demosift::data::demonstration::source::Format;
+use demosift::data::demonstration::episode::Format;
 use demosift::run::preset::Preset;
 use demosift::stages::method::Method;
 use demosift::stages::referee::Refereeing;

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use demosift::data::demonstration::DemonstrationSet;
-use demosift::data::demonstration::source::{self, Columns, Source};
+use demosift::data::demonstration::episode::{self, Columns, Source};
+use demosift::data::demonstration::open::{self, Located};
 use demosift::{Error, Result};
 
 use crate::arguments::SourceArguments;
@@ -21,7 +22,7 @@ impl Demonstrations {
     pub(crate) fn data(&self) -> Result<Data> {
         let format = self.source.format;
         Ok(Data {
-            sha256: source::sha256(&self.source, &self.path)?,
+            sha256: open::sha256(&self.source, &self.path)?,
             path: std::fs::canonicalize(&self.path)
                 .map_err(|error| Error::io("cannot find", &self.path, &error))?,
             format: Some(format),
@@ -52,7 +53,7 @@ pub(crate) fn open_unchecked(
             "give the path of a file or folder of demonstrations; docs/formats.md lists the formats",
         )
     })?;
-    if run_folder::is_one(given) && !given.join(source::RECORDED).exists() {
+    if run_folder::is_one(given) && !given.join(episode::RECORDED).exists() {
         let go_on =
             format!("to go on with the run: --out {} --resume, and no demonstrations", given.display());
         return Err(Error::bad_input("this is a run folder and holds no demonstrations")
@@ -64,8 +65,8 @@ pub(crate) fn open_unchecked(
         _ => how.columns(),
     };
     let format = how.format.or(recorded.and_then(|data| data.format));
-    let path = source::located(given, format)?;
-    Ok((source::open(&path, format, &columns)?, path))
+    let Located { path, format } = open::located(given, format)?;
+    Ok((open::open(&path, Some(format), &columns)?, path))
 }
 
 impl SourceArguments {

@@ -171,7 +171,7 @@ impl Job {
 
     /// The simulator's states of the demonstrations, where the set holds them.
     pub(crate) fn states(&self) -> Result<Option<Vec<StateLog>>> {
-        demonstration::read_states(&self.path, self.data.format)
+        demonstration::open::read_states(&self.path, self.data.format)
     }
 
     /// The task.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use demosift::basics::files;
 use demosift::basics::ledger::Ledger;
-use demosift::data::demonstration::source::{Columns, Format};
+use demosift::data::demonstration::episode::{Columns, Format};
 use demosift::results::artifact::FORMAT_VERSION;
 use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use demosift::data::demonstration::DemonstrationSet;
-use demosift::data::demonstration::source::{self, Columns, Format};
+use demosift::data::demonstration::episode::{Columns, Format};
+use demosift::data::demonstration::open;
 use demosift::learning::adapt::Rule;
 use demosift::results::recording::Origin;
 use demosift::run::experiment::{self, Config};
@@ -287,9 +288,9 @@ fn open_set(entry: &SetEntry, file: &File, folders: Folders<'_>) -> Result<Found
     };
     let columns =
         Columns { observations: entry.observation_columns.clone(), actions: entry.action_columns.clone() };
-    let path = source::located(&path, entry.format)?;
-    let source = source::open(&path, entry.format, &columns)?;
-    let sha256 = source::sha256(&source, &path)?;
+    let open::Located { path, format } = open::located(&path, entry.format)?;
+    let source = open::open(&path, Some(format), &columns)?;
+    let sha256 = open::sha256(&source, &path)?;
     if let Some(wanted) = entry.sha256.as_ref().filter(|wanted| **wanted != sha256) {
         return Err(Error::bad_input(format!("the SHA-256 is {sha256}, and must be {wanted}")).at(&path));
     }

@@ -6,14 +6,15 @@ mod support;
 
 use std::fs;
 
-use demosift::data::demonstration::source::{self, Columns, Format, Source};
+use demosift::data::demonstration::episode::{Columns, Format, Source};
+use demosift::data::demonstration::open;
 use demosift::data::demonstration::{self, d4rl};
 use hdf5_pure::FileBuilder;
 use serde_json::Value;
 use support::{RECORD, Scratch, in_repository};
 
 fn read(scratch: &Scratch, path: &str) -> Source {
-    source::open(&scratch.0.join(path), None, &Columns::default()).unwrap()
+    open::open(&scratch.0.join(path), None, &Columns::default()).unwrap()
 }
 
 /// The command fails with one error that says all of `wanted`, and says nothing else.
@@ -204,7 +205,7 @@ fn states_survive_a_conversion() {
     let set = in_repository("data/free_throw_8");
     scratch.succeed(&format!("convert {} --to lerobot --task free_throw lerobot", set.display()));
     let (old, new) = (set.join("demonstrations.hdf5"), scratch.0.join("lerobot"));
-    assert_eq!(demonstration::read_states(&new, None).unwrap(), d4rl::read_states(&old).unwrap());
+    assert_eq!(demonstration::open::read_states(&new, None).unwrap(), d4rl::read_states(&old).unwrap());
     assert_eq!(read(&scratch, "lerobot").set().unwrap(), d4rl::read(&old).unwrap());
 }
 

@@ -7,7 +7,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use demosift::basics::error::Error;
-use demosift::data::demonstration::source::{self, Columns, Format, Source};
+use demosift::data::demonstration::episode::{Columns, Format, Source};
+use demosift::data::demonstration::open;
 use demosift::data::demonstration::{self, lerobot, minari, robomimic};
 use demosift::data::trajectory::StateLog;
 
@@ -67,7 +68,7 @@ fn copy(from: &Path, to: &Path) {
 }
 
 fn read(path: &Path) -> demosift::Result<Source> {
-    source::open(path, None, &Columns::default())
+    open::open(path, None, &Columns::default())
 }
 
 /// Number `column` of the observation before step `step` of an episode, as `make.py` has it.
@@ -111,9 +112,9 @@ fn what_other_tools_wrote_is_read() {
         }
         let set = source.set().unwrap();
         assert_eq!((set.len(), set.observation_size(), set.action_size()), (3, 3, 2), "{name}");
-        assert_eq!(source, source::open(&fixture(name), Some(format), &Columns::default()).unwrap());
-        assert!(!source::files(&fixture(name), None).unwrap().is_empty());
-        assert_eq!(demonstration::read_states(&fixture(name), None).unwrap(), None, "{name}");
+        assert_eq!(source, open::open(&fixture(name), Some(format), &Columns::default()).unwrap());
+        assert!(!open::files(&fixture(name), None).unwrap().is_empty());
+        assert_eq!(demonstration::open::read_states(&fixture(name), None).unwrap(), None, "{name}");
     }
 }
 
@@ -136,14 +137,14 @@ fn columns_are_read_in_the_order_in_which_they_are_named() {
             observations: observations.map(str::to_owned).to_vec(),
             actions: vec![actions.to_owned()],
         };
-        let source = source::open(&fixture(name), None, &columns).unwrap();
+        let source = open::open(&fixture(name), None, &columns).unwrap();
         assert_eq!(source.columns, columns);
         let first = source.episodes[1].observations.row(2);
         for (&found, j) in first.iter().zip([1, 2, 0]) {
             assert_close(found, observation(1, 2, j));
         }
         let wrong = Columns { observations: vec!["obs/elbow".to_owned()], ..Columns::default() };
-        let error = source::open(&fixture(name), None, &wrong).unwrap_err();
+        let error = open::open(&fixture(name), None, &wrong).unwrap_err();
         assert_says(&error, &["elbow", name]);
     }
 }
@@ -262,14 +263,11 @@ fn damage_anywhere_is_an_error_or_harmless_but_never_a_panic() {
     let scratch = Scratch::new("damage");
     for (name, format, ..) in FIXTURES {
         let path = scratch.copy(name);
-        for file in source::files(&path, Some(format)).unwrap() {
+        for file in open::files(&path, Some(format)).unwrap() {
             let whole = fs::read(&file).unwrap();
             for len in (0..whole.len()).step_by(whole.len() / 40 + 1) {
                 fs::write(&file, &whole[..len]).unwrap();
-                check(
-                    source::open(&path, Some(format), &Columns::default()),
-                    &format!("{name} cut at {len}"),
-                );
+                check(open::open(&path, Some(format), &Columns::default()), &format!("{name} cut at {len}"));
                 check(read(&path), &format!("{name} cut at {len}"));
             }
             for (at, flip) in
@@ -279,7 +277,7 @@ fn damage_anywhere_is_an_error_or_harmless_but_never_a_panic() {
                 bytes[at] ^= flip;
                 fs::write(&file, &bytes).unwrap();
                 check(
-                    source::open(&path, Some(format), &Columns::default()),
+                    open::open(&path, Some(format), &Columns::default()),
                     &format!("{name} turned over at {at}"),
                 );
             }
@@ -317,7 +315,7 @@ fn what_is_written_is_read_again() {
     let again = read(&path).unwrap();
     assert_eq!(again.format, Format::LeRobotV3);
     assert_eq!(again.set().unwrap(), original.set().unwrap());
-    assert_eq!(demonstration::read_states(&path, None).unwrap().unwrap(), states, "in full precision");
+    assert_eq!(demonstration::open::read_states(&path, None).unwrap().unwrap(), states, "in full precision");
 
     let path = scratch.0.join("minari");
     minari::write(&path, &original.episodes, "demosift/test-v0").unwrap();
@@ -341,13 +339,13 @@ fn a_filter_key_is_all_that_changes_in_a_robomimic_file() {
     let scratch = Scratch::new("key");
     let path = scratch.copy("robomimic.hdf5");
     let before = read(&path).unwrap();
-    let hash = source::sha256(&before, &path).unwrap();
+    let hash = open::sha256(&before, &path).unwrap();
     let labels = ["demo_0".to_owned(), "demo_2".to_owned()];
     robomimic::add_filter_key(&path, "demosift", &labels).unwrap();
     robomimic::add_filter_key(&path, "second", &labels[1..]).unwrap();
     let after = read(&path).unwrap();
     assert_eq!(after, before);
-    assert_eq!(source::sha256(&after, &path).unwrap(), hash, "a run on this file can go on");
+    assert_eq!(open::sha256(&after, &path).unwrap(), hash, "a run on this file can go on");
     let file = hdf5_pure::File::open(&path).unwrap();
     assert_eq!(file.dataset("mask/demosift").unwrap().read_string().unwrap(), labels);
     assert_eq!(file.dataset("mask/second").unwrap().read_string().unwrap(), labels[1..]);

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use demosift::data::demonstration::source::{Episode, Source};
+use demosift::data::demonstration::episode::{Episode, Source};
 use demosift::data::demonstration::{self, lerobot, minari};
 use demosift::data::trajectory::StateLog;
 use demosift::{Error, Result};
@@ -22,7 +22,7 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
     match arguments.to {
         Target::Lerobot => {
             let steps_per_sec = steps_per_sec(arguments.fps, arguments.task.as_deref())?;
-            let states = demonstration::read_states(&path, Some(source.format))?;
+            let states = demonstration::open::read_states(&path, Some(source.format))?;
             let task = arguments.task.as_deref().map_or_else(|| name_of(out), task_name);
             undisturbed(|| lerobot::write(out, &source.episodes, states.as_deref(), steps_per_sec, &task))?;
         }

@@ -5,7 +5,7 @@ mod policies;
 use std::path::{Path, PathBuf};
 
 use demosift::basics::files;
-use demosift::data::demonstration::source::Format;
+use demosift::data::demonstration::episode::Format;
 use demosift::data::demonstration::{self, DemoId, lerobot, minari, robomimic};
 use demosift::results::artifact::Artifact as _;
 use demosift::results::uncertainty::Uncertainty;
@@ -50,7 +50,8 @@ pub(crate) fn run(arguments: &ExportArguments) -> Result<()> {
 fn write_lerobot(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     let out = folder(arguments)?;
     let steps_per_sec = convert::steps_per_sec(arguments.fps, Some(&kept.identity.task))?;
-    let states = demonstration::read_states(&kept.demonstrations.path, kept.data.format)?;
+    let states =
+        demonstration::open::read_states(&kept.demonstrations.path, Some(kept.demonstrations.source.format))?;
     let (episodes, states) = convert::chosen(&kept.demonstrations.source, states.as_deref(), &kept.ids);
     let task = convert::task_name(&kept.identity.task);
     undisturbed(|| lerobot::write(&out, &episodes, states.as_deref(), steps_per_sec, &task))?;

@@ -7,7 +7,7 @@ use std::path::Path;
 use demosift::basics::ledger::Ledger as _;
 use demosift::basics::seed::Seed;
 use demosift::data::demonstration::d4rl::{self, Episode, States};
-use demosift::data::demonstration::source::RECORDED;
+use demosift::data::demonstration::episode::RECORDED;
 use demosift::math::rows::Rows;
 use demosift::results::artifact::{self, Artifact as _, onnx};
 use demosift::results::recording::{self, Origin, Part, Recorded};

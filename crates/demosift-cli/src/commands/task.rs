@@ -85,7 +85,7 @@ fn check(arguments: &TaskCheckArguments) -> Result<()> {
 fn read(data: &Path, how: &SourceArguments) -> Result<(Vec<Demonstration>, Option<Vec<StateLog>>)> {
     let (source, path) = demonstrations::open_unchecked(Some(data), how, None)?;
     let set = source.demonstrations().map_err(|error| error.at(&path))?;
-    Ok((set, demonstration::read_states(&path, Some(source.format))?))
+    Ok((set, demonstration::open::read_states(&path, Some(source.format))?))
 }
 
 fn unreadable(error: &Error) -> Finding {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use demosift::data::demonstration::source;
+use demosift::data::demonstration::episode;
 use demosift::results::report::Report;
 use serde::Serialize;
 
@@ -72,7 +72,7 @@ pub(crate) fn html(report: &Report, made: &Made<'_>, replay: &Replay) -> String 
 pub(crate) fn name_of_set(path: &Path) -> String {
     let within = |path: &Path, named: &str| path.file_name().is_some_and(|name| name == named);
     let mut named = path;
-    if within(named, source::RECORDED) || within(named, source::MINARI_HDF5) {
+    if within(named, episode::RECORDED) || within(named, episode::MINARI_HDF5) {
         named = named.parent().unwrap_or(named);
     }
     // Minari keeps its files in a folder of that name, below that of the set.

@@ -12,8 +12,8 @@
 use std::path::Path;
 
 use crate::basics::error::{Error, Result};
+use crate::data::demonstration::episode::{Columns, Episode, Format, Source, side_by_side};
 use crate::data::demonstration::npz::{self, Array};
-use crate::data::demonstration::source::{Columns, Episode, Format, Source, side_by_side};
 use crate::math::rows::Rows;
 
 /// Reads the episodes; `columns` names arrays.

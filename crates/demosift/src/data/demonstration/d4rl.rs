@@ -17,8 +17,8 @@ use hdf5_pure::{EnumTypeBuilder, FileBuilder, Group};
 use crate::basics::error::{Error, Result};
 use crate::basics::files;
 use crate::data::demonstration::DemonstrationSet;
+use crate::data::demonstration::episode::{self, Columns, Format, Source};
 use crate::data::demonstration::hdf5::{self, check_size, damaged, find, flags};
-use crate::data::demonstration::source::{self, Columns, Format, Source};
 use crate::math::rows::Rows;
 
 mod states;
@@ -117,9 +117,9 @@ fn no_complete_episode(steps: usize, has_terminals: bool, has_timeouts: bool) ->
 }
 
 /// Cuts the tables after each of `ends`.
-fn split(observations: &Rows, actions: &Rows, ends: &[usize]) -> Vec<source::Episode> {
+fn split(observations: &Rows, actions: &Rows, ends: &[usize]) -> Vec<episode::Episode> {
     let starts = std::iter::once(0).chain(ends.iter().copied());
-    let episodes = starts.zip(ends).enumerate().map(|(index, (start, &end))| source::Episode {
+    let episodes = starts.zip(ends).enumerate().map(|(index, (start, &end))| episode::Episode {
         label: index.to_string(),
         observations: cut(observations, start, end),
         actions: cut(actions, start, end),

@@ -5,7 +5,7 @@ use std::path::Path;
 use hdf5_pure::{DType, Dataset, File, Group, Layout};
 
 use crate::basics::error::{Error, Result};
-use crate::data::demonstration::source::side_by_side;
+use crate::data::demonstration::episode::side_by_side;
 use crate::math::rows::Rows;
 
 /// Deflate cannot shrink bytes further than this (its longest match costs at least two bits).

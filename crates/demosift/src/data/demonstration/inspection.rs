@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::data::demonstration::source::{Columns, Episode, Format, Source};
+use crate::data::demonstration::episode::{Columns, Episode, Format, Source};
 use crate::math::rows::Rows;
 
 /// What is seen in a file.

@@ -18,8 +18,8 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use crate::basics::error::{Error, Result};
+use crate::data::demonstration::episode::{Columns, Episode, Format, Source};
 use crate::data::demonstration::parquet_table::{self, Table};
-use crate::data::demonstration::source::{Columns, Episode, Format, Source};
 use crate::math::rows::Rows;
 
 mod states;

@@ -19,9 +19,9 @@ use hdf5_pure::Group;
 use serde::Deserialize;
 
 use crate::basics::error::{Error, Result};
+use crate::data::demonstration::episode::{Columns, Episode, Format, Source, trailing_number};
 use crate::data::demonstration::hdf5::{self, damaged, find, find_group};
 use crate::data::demonstration::parquet_table::{self, Table};
-use crate::data::demonstration::source::{Columns, Episode, Format, Source, trailing_number};
 use crate::math::rows::Rows;
 
 mod subset;

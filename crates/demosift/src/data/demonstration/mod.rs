@@ -4,21 +4,18 @@
 
 pub mod baselines_npz;
 pub mod d4rl;
-mod detect;
+pub mod episode;
 mod hdf5;
 pub mod imitation_npz;
 pub mod inspection;
 pub mod lerobot;
 pub mod minari;
 mod npz;
+pub mod open;
 mod parquet_pages;
 mod parquet_table;
 mod parquet_writing;
 pub mod robomimic;
-pub mod source;
-mod states;
-
-pub use states::read_states;
 
 use crate::basics::error::{Error, Result};
 use crate::math::rows::Rows;

@@ -14,8 +14,8 @@ use parquet::file::reader::{ChunkReader as _, FileReader as _, SerializedFileRea
 use parquet::schema::types::ColumnDescriptor;
 
 use crate::basics::error::{Error, Result};
+use crate::data::demonstration::episode::{side_by_side, trailing_number};
 use crate::data::demonstration::parquet_pages;
-use crate::data::demonstration::source::{side_by_side, trailing_number};
 use crate::math::rows::Rows;
 
 /// A run of equal numbers takes a few bytes however long it is, so even a small file may hold this many.

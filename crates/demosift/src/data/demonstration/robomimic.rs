@@ -16,8 +16,8 @@ use std::path::Path;
 use hdf5_pure::{DType, File, Group};
 
 use crate::basics::error::{Error, Result};
+use crate::data::demonstration::episode::{Columns, Episode, Format, Source, trailing_number};
 use crate::data::demonstration::hdf5::{self, damaged, find_below, find_group};
-use crate::data::demonstration::source::{Columns, Episode, Format, Source, trailing_number};
 
 const OBSERVATIONS: &str = "obs/";
 const NEXT_OBSERVATIONS: &str = "next_obs/";

@@ -8,8 +8,8 @@ use super::INFO;
 use super::states::{QPOS, QVEL};
 use crate::basics::error::{Error, Result};
 use crate::basics::files;
+use crate::data::demonstration::episode::Episode;
 use crate::data::demonstration::parquet_writing::{Column, Values, encode};
-use crate::data::demonstration::source::Episode;
 use crate::data::trajectory::StateLog;
 use crate::math::statistics;
 

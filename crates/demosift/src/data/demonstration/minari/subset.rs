@@ -9,8 +9,8 @@ use serde_json::{Map, Value, json};
 use super::{DEEPEST, METADATA, writing};
 use crate::basics::error::{Error, Result};
 use crate::basics::files;
+use crate::data::demonstration::episode::Columns;
 use crate::data::demonstration::hdf5::{self, check_size, damaged};
-use crate::data::demonstration::source::Columns;
 
 /// Writes a new data set of some episodes of the `main_data.hdf5` at `original`, numbered anew from 0, with rewards, infos and all
 /// else as they are there; its spaces come from the metadata beside it, or from the tables where there is none.

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use crate::basics::error::{Error, Result};
 use crate::basics::files;
-use crate::data::demonstration::source::Episode;
+use crate::data::demonstration::episode::Episode;
 use crate::math::rows::Rows;
 
 /// The version of Minari whose layout this is.

@@ -1,20 +1,15 @@
-//! Demonstrations as the file of some tool holds them: told apart by looking, and not yet checked for what cannot be learned from.
+//! Demonstrations as the file of some tool holds them, not yet checked for what cannot be learned from: what a reader of a
+//! format hands on.
 //!
-//! Each format is a module with a function that reads episodes; [`open`] finds the right one.
 //! Nobody reads rewards, returns or scores.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
 use crate::basics::error::{Error, Result};
-use crate::basics::files;
-use crate::data::demonstration::{
-    Demonstration, DemonstrationSet, baselines_npz, check_sizes, d4rl, detect, imitation_npz, lerobot,
-    minari, robomimic,
-};
+use crate::data::demonstration::{Demonstration, DemonstrationSet, check_sizes};
 use crate::math::rows::Rows;
 
 /// The file of a folder that `demosift record` made.
@@ -26,21 +21,21 @@ pub const MINARI_HDF5: &str = "main_data.hdf5";
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum Format {
-    /// Flat tables in HDF5; see [`d4rl`].
+    /// Flat tables in HDF5; see [`super::d4rl`].
     D4rl,
-    /// A folder of parquet files, `codebase_version` v3.0; see [`lerobot`].
+    /// A folder of parquet files, `codebase_version` v3.0; see [`super::lerobot`].
     LeRobotV3,
-    /// A folder with a parquet file an episode, `codebase_version` v2.0 or v2.1; see [`lerobot`].
+    /// A folder with a parquet file an episode, `codebase_version` v2.0 or v2.1; see [`super::lerobot`].
     LeRobotV2,
-    /// A folder with `main_data.hdf5`, or that file; see [`minari`].
+    /// A folder with `main_data.hdf5`, or that file; see [`super::minari`].
     MinariHdf5,
-    /// A folder with a folder of parquet an episode; see [`minari`].
+    /// A folder with a folder of parquet an episode; see [`super::minari`].
     MinariParquet,
-    /// A group an episode below `data` in HDF5; see [`robomimic`].
+    /// A group an episode below `data` in HDF5; see [`super::robomimic`].
     Robomimic,
-    /// `obs`, `acs` in a npz file; see [`baselines_npz`].
+    /// `obs`, `acs` in a npz file; see [`super::baselines_npz`].
     BaselinesNpz,
-    /// `obs`, `acts`, `indices` in a npz file; see [`imitation_npz`].
+    /// `obs`, `acts`, `indices` in a npz file; see [`super::imitation_npz`].
     ImitationNpz,
 }
 
@@ -202,107 +197,6 @@ impl Source {
         });
         demonstrations.collect()
     }
-}
-
-/// Reads a file or folder of any format that is known; `format` skips the look.
-///
-/// # Errors
-/// `is_bad_input` if it is of no known format, is not what its format wants, or is damaged; `is_io` if it may not be read.
-///
-/// ```
-/// use std::path::Path;
-///
-/// use demosift::data::demonstration::inspection::inspect;
-/// use demosift::data::demonstration::source::{Columns, Format, open};
-///
-/// // A file of robomimic, which keeps an observation in several columns.
-/// let file = Path::new("tests/formats/robomimic.hdf5");
-/// let source = open(file, None, &Columns::default())?;
-/// assert_eq!(source.format, Format::Robomimic);
-/// assert_eq!(source.columns.observations, ["obs/joint", "obs/wrist"]);
-///
-/// // What is in it, before anything is learned from it.
-/// let seen = inspect(&source);
-/// let steps: Vec<usize> = seen.episodes.iter().map(|episode| episode.steps).collect();
-/// assert_eq!(steps, [4, 3, 5]);
-/// assert!(seen.actions.iter().all(|action| action.outside == 0));
-///
-/// // The demonstrations, checked: they fit each other, and every number is finite.
-/// let set = source.set()?;
-/// assert_eq!((set.len(), set.observation_size(), set.action_size()), (3, 3, 2));
-///
-/// // Other columns, and an error that says what would have been right.
-/// let wrong = Columns { observations: vec!["obs/elbow".to_owned()], ..Columns::default() };
-/// let error = open(file, None, &wrong).unwrap_err();
-/// assert!(error.is_bad_input() && error.to_string().contains("camera_image, joint, wrist"), "{error}");
-/// # Ok::<(), demosift::Error>(())
-/// ```
-pub fn open(path: &Path, format: Option<Format>, columns: &Columns) -> Result<Source> {
-    read(path, format, columns).map_err(|error| error.at(path))
-}
-
-fn read(path: &Path, format: Option<Format>, columns: &Columns) -> Result<Source> {
-    let format = format.map_or_else(|| detect::format(path), Ok)?;
-    let path = &detect::entry(path, format)?;
-    match format {
-        Format::D4rl => d4rl::read_source(path, columns),
-        Format::LeRobotV3 | Format::LeRobotV2 => lerobot::read_source(path, columns),
-        Format::MinariHdf5 => minari::read_hdf5(path, columns),
-        Format::MinariParquet => minari::read_parquet(path, columns),
-        Format::Robomimic => robomimic::read_source(path, columns),
-        Format::BaselinesNpz => baselines_npz::read_source(path, columns),
-        Format::ImitationNpz => imitation_npz::read_source(path, columns),
-    }
-}
-
-/// The file or folder that holds the demonstrations, where `path` may be a folder around it.
-///
-/// # Errors
-/// As [`open`].
-pub fn located(path: &Path, format: Option<Format>) -> Result<PathBuf> {
-    let format = format.map_or_else(|| detect::format(path), Ok);
-    format.and_then(|format| detect::entry(path, format)).map_err(|error| error.at(path))
-}
-
-/// The demonstrations of a file or folder, checked.
-///
-/// # Errors
-/// As [`open`] and [`Source::set`].
-pub fn read_set(path: &Path, format: Option<Format>, columns: &Columns) -> Result<DemonstrationSet> {
-    open(path, format, columns)?.set().map_err(|error| error.at(path))
-}
-
-/// The files that hold the demonstrations, in a fixed order: what a hash of the data is made of.
-///
-/// # Errors
-/// As [`open`] where the format is not given, and `is_io` if a folder cannot be listed.
-pub fn files(path: &Path, format: Option<Format>) -> Result<Vec<PathBuf>> {
-    let format = format.map_or_else(|| detect::format(path), Ok)?;
-    let entry = detect::entry(path, format)?;
-    match format {
-        Format::LeRobotV3 | Format::LeRobotV2 => lerobot::files(&entry),
-        Format::MinariParquet => minari::parquet_files(&entry),
-        _ => Ok(vec![entry]),
-    }
-}
-
-/// SHA-256 of the demonstrations, as hexadecimal digits: of the files that hold them, or of what was read where the file also
-/// holds what is not of them, such as the filter keys of robomimic.
-///
-/// # Errors
-/// `is_io` if a file cannot be read.
-pub fn sha256(source: &Source, path: &Path) -> Result<String> {
-    if source.format != Format::Robomimic {
-        return files::sha256(&self::files(path, Some(source.format))?);
-    }
-    let mut bytes = Vec::new();
-    for episode in &source.episodes {
-        bytes.extend(format!("{} {}\n", episode.label, episode.actions.len()).into_bytes());
-        for rows in [&episode.observations, &episode.actions] {
-            bytes.extend(rows.flat().iter().flat_map(|value| value.to_le_bytes()));
-        }
-    }
-    Ok(files::sha256_of(&bytes))
 }
 
 /// Tables side by side: one row of each makes a row.

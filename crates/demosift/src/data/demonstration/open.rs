@@ -1,0 +1,244 @@
+//! Opening demonstrations of any format that is known: told apart by looking, once, and read by the format's own reader.
+//!
+//! Each format is a module with a function that reads episodes; [`open`] finds the right one.
+
+use std::fs;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+
+use crate::basics::error::{Error, Result};
+use crate::basics::files;
+use crate::data::demonstration::episode::{Columns, Format, MINARI_HDF5, RECORDED, Source};
+use crate::data::demonstration::{
+    DemonstrationSet, baselines_npz, d4rl, hdf5, imitation_npz, lerobot, minari, npz, robomimic,
+};
+use crate::data::trajectory::StateLog;
+
+/// Reads a file or folder of any format that is known; `format` skips the look.
+///
+/// # Errors
+/// `is_bad_input` if it is of no known format, is not what its format wants, or is damaged; `is_io` if it may not be read.
+///
+/// ```
+/// use std::path::Path;
+///
+/// use demosift::data::demonstration::episode::{Columns, Format};
+/// use demosift::data::demonstration::inspection::inspect;
+/// use demosift::data::demonstration::open::open;
+///
+/// // A file of robomimic, which keeps an observation in several columns.
+/// let file = Path::new("tests/formats/robomimic.hdf5");
+/// let source = open(file, None, &Columns::default())?;
+/// assert_eq!(source.format, Format::Robomimic);
+/// assert_eq!(source.columns.observations, ["obs/joint", "obs/wrist"]);
+///
+/// // What is in it, before anything is learned from it.
+/// let seen = inspect(&source);
+/// let steps: Vec<usize> = seen.episodes.iter().map(|episode| episode.steps).collect();
+/// assert_eq!(steps, [4, 3, 5]);
+/// assert!(seen.actions.iter().all(|action| action.outside == 0));
+///
+/// // The demonstrations, checked: they fit each other, and every number is finite.
+/// let set = source.set()?;
+/// assert_eq!((set.len(), set.observation_size(), set.action_size()), (3, 3, 2));
+///
+/// // Other columns, and an error that says what would have been right.
+/// let wrong = Columns { observations: vec!["obs/elbow".to_owned()], ..Columns::default() };
+/// let error = open(file, None, &wrong).unwrap_err();
+/// assert!(error.is_bad_input() && error.to_string().contains("camera_image, joint, wrist"), "{error}");
+/// # Ok::<(), demosift::Error>(())
+/// ```
+pub fn open(path: &Path, format: Option<Format>, columns: &Columns) -> Result<Source> {
+    let found = located(path, format)?;
+    read(&found, columns).map_err(|error| error.at(path))
+}
+
+fn read(Located { path, format }: &Located, columns: &Columns) -> Result<Source> {
+    match format {
+        Format::D4rl => d4rl::read_source(path, columns),
+        Format::LeRobotV3 | Format::LeRobotV2 => lerobot::read_source(path, columns),
+        Format::MinariHdf5 => minari::read_hdf5(path, columns),
+        Format::MinariParquet => minari::read_parquet(path, columns),
+        Format::Robomimic => robomimic::read_source(path, columns),
+        Format::BaselinesNpz => baselines_npz::read_source(path, columns),
+        Format::ImitationNpz => imitation_npz::read_source(path, columns),
+    }
+}
+
+/// The demonstrations of a file or folder, checked.
+///
+/// # Errors
+/// As [`open`] and [`Source::set`].
+pub fn read_set(path: &Path, format: Option<Format>, columns: &Columns) -> Result<DemonstrationSet> {
+    open(path, format, columns)?.set().map_err(|error| error.at(path))
+}
+
+/// The files that hold the demonstrations, in a fixed order: what a hash of the data is made of.
+///
+/// # Errors
+/// As [`open`] where the format is not given, and `is_io` if a folder cannot be listed.
+pub fn files(path: &Path, format: Option<Format>) -> Result<Vec<PathBuf>> {
+    let Located { path: entry, format } = locate(path, format)?;
+    match format {
+        Format::LeRobotV3 | Format::LeRobotV2 => lerobot::files(&entry),
+        Format::MinariParquet => minari::parquet_files(&entry),
+        _ => Ok(vec![entry]),
+    }
+}
+
+/// SHA-256 of the demonstrations, as hexadecimal digits: of the files that hold them, or of what was read where the file also
+/// holds what is not of them, such as the filter keys of robomimic.
+///
+/// # Errors
+/// `is_io` if a file cannot be read.
+pub fn sha256(source: &Source, path: &Path) -> Result<String> {
+    if source.format != Format::Robomimic {
+        return files::sha256(&self::files(path, Some(source.format))?);
+    }
+    let mut bytes = Vec::new();
+    for episode in &source.episodes {
+        bytes.extend(format!("{} {}\n", episode.label, episode.actions.len()).into_bytes());
+        for rows in [&episode.observations, &episode.actions] {
+            bytes.extend(rows.flat().iter().flat_map(|value| value.to_le_bytes()));
+        }
+    }
+    Ok(files::sha256_of(&bytes))
+}
+
+/// The simulator's states from which each demonstration's actions were taken, in file order; `None` if the set has none
+/// that say which numbers are positions and which velocities. For replays, never for what judges.
+///
+/// # Errors
+/// As the reader of the format; see [`d4rl::read_states`] and [`lerobot::read_states`].
+pub fn read_states(path: &Path, format: Option<Format>) -> Result<Option<Vec<StateLog>>> {
+    let Located { path: entry, format } = located(path, format)?;
+    match format {
+        Format::D4rl => d4rl::read_states(&entry),
+        Format::LeRobotV3 | Format::LeRobotV2 => lerobot::read_states(&entry),
+        _ => Ok(None),
+    }
+}
+
+/// Where demonstrations lie, and how they are stored.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Located {
+    /// The file or folder that the reader of the format takes.
+    pub path: PathBuf,
+    /// The format.
+    pub format: Format,
+}
+
+/// Finds the demonstrations, where `path` may be a folder around them; what is found opens without another look.
+///
+/// # Errors
+/// As [`open`].
+pub fn located(path: &Path, format: Option<Format>) -> Result<Located> {
+    locate(path, format).map_err(|error| error.at(path))
+}
+
+fn locate(path: &Path, format: Option<Format>) -> Result<Located> {
+    let format = format.map_or_else(|| detect(path), Ok)?;
+    Ok(Located { path: entry(path, format)?, format })
+}
+
+const KNOWN: &str = "known are: HDF5 files of D4RL, robomimic and Minari; npz files of baselines and imitation; \
+                     folders of LeRobot (meta/info.json), Minari (data/main_data.hdf5 or data/metadata.json) \
+                     and demosift (demonstrations.hdf5)";
+
+/// The format of what lies there.
+///
+/// # Errors
+/// `is_bad_input` if it is of none; says which are known.
+fn detect(path: &Path) -> Result<Format> {
+    let metadata = fs::metadata(path).map_err(|source| match source.kind() {
+        std::io::ErrorKind::NotFound => {
+            Error::bad_input("the demonstration file does not exist").with_hint("check the path")
+        }
+        _ => Error::io("cannot read the demonstrations", path, &source),
+    })?;
+    if metadata.is_dir() { of_folder(path) } else { of_file(path) }
+}
+
+/// The file or folder that the reader of a format takes.
+fn entry(path: &Path, format: Format) -> Result<PathBuf> {
+    let folder_of_data = |named: &str| {
+        if path.join("data").join(named).exists() { path.join("data") } else { path.to_owned() }
+    };
+    Ok(match format {
+        _ if !path.is_dir() => path.to_owned(),
+        Format::D4rl => path.join(RECORDED),
+        Format::MinariHdf5 => folder_of_data(MINARI_HDF5).join(MINARI_HDF5),
+        Format::MinariParquet => folder_of_data("metadata.json"),
+        Format::LeRobotV3 | Format::LeRobotV2 => path.to_owned(),
+        Format::Robomimic | Format::BaselinesNpz | Format::ImitationNpz => {
+            return Err(Error::bad_input(format!(
+                "this is a folder; a demonstration set in {format} is a file"
+            )));
+        }
+    })
+}
+
+fn of_folder(path: &Path) -> Result<Format> {
+    let data = path.join("data");
+    if path.join(lerobot::INFO).exists() {
+        lerobot::version(path)
+    } else if [path, data.as_path()].iter().any(|folder| folder.join(MINARI_HDF5).exists()) {
+        Ok(Format::MinariHdf5)
+    } else if [path, data.as_path()].iter().any(|folder| folder.join("metadata.json").exists()) {
+        Ok(Format::MinariParquet)
+    } else if path.join(RECORDED).exists() {
+        Ok(Format::D4rl)
+    } else {
+        Err(Error::bad_input(format!("this folder holds no {RECORDED}, so it is no demonstration set"))
+            .with_hint(KNOWN))
+    }
+}
+
+fn of_file(path: &Path) -> Result<Format> {
+    let mut start = Vec::new();
+    fs::File::open(path)
+        .and_then(|file| file.take(8).read_to_end(&mut start))
+        .map_err(|source| Error::io("cannot read the demonstrations", path, &source))?;
+    if start.is_empty() {
+        return Err(Error::bad_input("the file is empty; it should hold demonstrations")
+            .with_hint("was it copied or downloaded completely?"));
+    }
+    if start.starts_with(b"PK") {
+        return npz::names(path).and_then(|names| of_npz(&names));
+    }
+    if start.starts_with(b"PAR1") {
+        return Err(Error::bad_input(
+            "this is one parquet file of a data set; wanted the folder of the whole set",
+        ));
+    }
+    // An HDF5 file may have something else before it, so its own reader looks for the signature.
+    if !hdf5_pure::is_hdf5(path)
+        .map_err(|source| Error::io("cannot read the demonstrations", path, &source))?
+    {
+        return Err(Error::bad_input("not an HDF5 file, and not an npz file either").with_hint(KNOWN));
+    }
+    let opened = hdf5::open(path)?;
+    let groups = opened.file.root().groups().map_err(hdf5::damaged)?;
+    if groups.iter().any(|name| name == "data") {
+        Ok(Format::Robomimic)
+    } else if groups.iter().any(|name| name.starts_with("episode_")) {
+        Ok(Format::MinariHdf5)
+    } else {
+        // Its reader says what is missing.
+        Ok(Format::D4rl)
+    }
+}
+
+fn of_npz(names: &[String]) -> Result<Format> {
+    let has = |wanted: &str| names.iter().any(|name| name == wanted);
+    if has("acts") {
+        Ok(Format::ImitationNpz)
+    } else if has("acs") {
+        Ok(Format::BaselinesNpz)
+    } else {
+        Err(Error::bad_input(format!(
+            "this npz file holds neither 'acs' (baselines) nor 'acts' (imitation); it holds: {}",
+            names.join(", ")
+        )))
+    }
+}
