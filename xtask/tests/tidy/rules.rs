@@ -14,23 +14,49 @@ const TERMINAL: &str = "crates/demosift-cli/src/terminal.rs";
 /// The modules that hand on the simulator's states of recorded episodes.
 const STATES_READER: &str = "crates/demosift/src/data/demonstration/";
 const MOST_LINES: usize = 600;
-/// Modules that learn and judge, and everything below them.
-const ABOVE_JUDGING: [&str; 6] =
-    ["select", "uncertainty", "data_only", "provenance", "artifact", "experiment"];
+/// The file that says where recorded demonstrations came from.
+const RECORDER: &str = "crates/demosift/src/results/recording.rs";
+/// The type that says it, and the fields that hold it.
+const ORIGINS: [&str; 2] = ["Origin", "origin"];
+/// What files are called that keep it.
+const PROVENANCE: &str = "provenance";
+/// Crates above the library.
+const ABOVE: [&str; 2] = ["demosift_mujoco", "mujoco_rs"];
+/// Where the terminal is written to without a macro that prints.
+const OUTPUTS: [&str; 2] = ["stdout", "stderr"];
+const STATES: &str = "read_states";
 
-/// The library names neither of the crates above it.
-pub(crate) fn library_knows_no_other_crate(library: &[Source]) -> Vec<Violation> {
-    forbidden_words(
-        library,
-        &["demosift_mujoco", "demosift_cli", "mujoco_rs"],
-        "crate walls",
-        "the library knows no physics and no command",
-    )
+/// What is ours among the names that rules forbid or excuse is there: a rule about what is not there forbids nothing.
+pub(crate) fn named_things_exist(sources: &[Source]) -> Vec<Violation> {
+    let mut wanted = vec![
+        (STATES_READER, STATES),
+        (RECORDER, ORIGINS[0]),
+        (RECORDER, ORIGINS[1]),
+        ("crates/", PROVENANCE),
+        ("crates/demosift-cli/", ABOVE[0]),
+        ("crates/demosift-mujoco/", ABOVE[1]),
+        (TERMINAL, OUTPUTS[0]),
+        (TERMINAL, OUTPUTS[1]),
+    ];
+    wanted.extend(UNSAFE_FILES.map(|file| (file, "unsafe")));
+    let is_there = |place: &str, name: &str| {
+        let mut there = sources.iter().filter(|source| source.path.starts_with(place));
+        there.any(|source| {
+            source.words(name).next().is_some() || source.code_and_strings.contains(&format!("\"{name}"))
+        })
+    };
+    wanted.retain(|(place, name)| !is_there(place, name));
+    wanted
+        .into_iter()
+        .map(|(place, name)| {
+            Violation::new(place, 1, "rules", format!("a rule is about `{name}`, which is not there"))
+        })
+        .collect()
 }
 
-/// The MuJoCo crate does not name the command.
-pub(crate) fn mujoco_knows_no_command(mujoco: &[Source]) -> Vec<Violation> {
-    forbidden_words(mujoco, &["demosift_cli"], "crate walls", "the MuJoCo crate knows no command")
+/// The library names none of the crates above it.
+pub(crate) fn library_knows_no_other_crate(library: &[Source]) -> Vec<Violation> {
+    forbidden_words(library, &ABOVE, "crate walls", "the library knows no physics and no command")
 }
 
 /// Libraries do not print: one file of the command does. Tests, examples, benchmarks and build scripts may.
@@ -43,12 +69,11 @@ pub(crate) fn only_the_terminal_prints(sources: &[Source]) -> Vec<Violation> {
     });
     let mut violations = Vec::new();
     for source in quiet {
-        for name in ["print", "println", "eprint", "eprintln", "dbg"] {
+        let macros = ["print!", "println!", "eprint!", "eprintln!", "dbg!"];
+        for name in macros.into_iter().chain(OUTPUTS) {
             for position in source.words(name) {
-                if source.code[position + name.len()..].starts_with('!') {
-                    let message = format!("`{name}!`: only {TERMINAL} talks to the terminal");
-                    violations.push(Violation::new(&source.path, source.line(position), "printing", message));
-                }
+                let message = format!("`{name}`: only {TERMINAL} talks to the terminal");
+                violations.push(Violation::new(&source.path, source.line(position), "printing", message));
             }
         }
     }
@@ -96,13 +121,15 @@ pub(crate) fn unsafe_stands_in_named_files(sources: &[Source]) -> Vec<Violation>
     )
 }
 
-/// What judges never hears where a demonstration came from, not even in a string.
+/// What judges never learns where a demonstration came from, neither by the type that says it nor by the name of a file.
 pub(crate) fn judging_knows_no_provenance(library: &[Source]) -> Vec<Violation> {
-    let mut violations = Vec::new();
-    for source in library.iter().filter(|source| judges(&source.path)) {
+    let others = || library.iter().filter(|source| source.path != RECORDER);
+    let why = format!("only {RECORDER} knows where a demonstration came from");
+    let mut violations = forbidden_words(others(), &ORIGINS, "provenance", &why);
+    for source in others() {
         for (index, line) in source.code_and_strings.lines().enumerate() {
-            if line.to_lowercase().contains("provenance") {
-                let message = "layers 0 to 7 never mention provenance".to_owned();
+            if line.to_lowercase().contains(PROVENANCE) {
+                let message = format!("`{PROVENANCE}`: {why}");
                 violations.push(Violation::new(&source.path, index + 1, "provenance", message));
             }
         }
@@ -113,22 +140,7 @@ pub(crate) fn judging_knows_no_provenance(library: &[Source]) -> Vec<Violation> 
 /// Scores can be worked out from the simulator's states, so no module of the library but their reader asks for them.
 pub(crate) fn library_reads_no_states(library: &[Source]) -> Vec<Violation> {
     let others = library.iter().filter(|source| !source.path.starts_with(STATES_READER));
-    forbidden_words(
-        others,
-        &["read_states"],
-        "states",
-        "a score could be worked out from them; replays are outside",
-    )
-}
-
-fn judges(path: &str) -> bool {
-    let file = path.strip_prefix("crates/demosift/src/").unwrap_or(path);
-    let (band, module) = file.split_once('/').unwrap_or(("", file));
-    let module = module.split(['/', '.']).next().unwrap_or(module);
-    module != "lib"
-        && module != "mod"
-        && !["results", "run"].contains(&band)
-        && !ABOVE_JUDGING.contains(&module)
+    forbidden_words(others, &[STATES], "states", "a score could be worked out from them; replays are outside")
 }
 
 /// A file can be read in one sitting.
