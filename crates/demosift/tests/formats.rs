@@ -6,7 +6,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use demosift::basics::error::Error;
+use demosift::Error;
 use demosift::data::demonstration::episode::{Columns, Format, Source};
 use demosift::data::demonstration::open;
 use demosift::data::demonstration::{self, lerobot, minari, robomimic};

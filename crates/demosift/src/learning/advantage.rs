@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::basics::error::Result;
 use crate::math::rows::Rows;
-use crate::math::solve::ridge::ridge;
+use crate::math::solve::ridge;
 use crate::math::statistics;
 
 /// How rewards become advantages.

@@ -18,8 +18,8 @@ use crate::basics::error::{Error, Result};
 use crate::math::nn::Real;
 use crate::math::nn::gaussian;
 use crate::math::nn::mlp::{Mlp, Tape};
-use crate::math::solve::conjugate_gradient::conjugate_gradient;
-use crate::math::solve::line_search::backtrack;
+use crate::math::solve::backtrack;
+use crate::math::solve::conjugate_gradient;
 use crate::world::policy::Policy;
 
 pub use adaptation::Adaptation;

@@ -14,11 +14,11 @@
 //!
 //! Where we differ: an adaptation is repeated with other random numbers and the outcomes are pooled, and what is evaluated
 //! is the mean of its last θ, since a single θ of one short adaptation is a noisy witness.
-//! Repeats go where they are needed: who surely belongs to one side of the cut gets no more of them ([`race`]).
+//! Repeats go where they are needed: who surely belongs to one side of the cut gets no more of them (`race.rs`).
 //! θ may also be a policy that knows nothing, drawn anew for each repeat; that is judging from scratch (§5.4).
 
 mod bench;
-pub mod race;
+mod race;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;

@@ -26,7 +26,7 @@ use crate::math::rows::Rows;
 ///
 /// # Errors
 /// Bad input if there is no episode, or if sizes differ.
-pub fn distance(demonstration: &Demonstration, played: &[Trajectory]) -> Result<f64> {
+pub(crate) fn distance(demonstration: &Demonstration, played: &[Trajectory]) -> Result<f64> {
     if played.is_empty() {
         return Err(Error::bad_input(
             "the adapted behaviors distance needs at least one episode of the agent",

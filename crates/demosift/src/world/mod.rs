@@ -1,6 +1,6 @@
 //! Where policies play and how an episode is scored.
 
-pub mod adapted_behaviors;
+pub(crate) mod adapted_behaviors;
 pub mod environment;
 pub mod heuristic;
 pub mod point_mass;

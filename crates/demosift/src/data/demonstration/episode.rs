@@ -21,21 +21,21 @@ pub const MINARI_HDF5: &str = "main_data.hdf5";
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum Format {
-    /// Flat tables in HDF5; see [`super::d4rl`].
+    /// Flat tables in HDF5; see [`d4rl`](super::d4rl).
     D4rl,
-    /// A folder of parquet files, `codebase_version` v3.0; see [`super::lerobot`].
+    /// A folder of parquet files, `codebase_version` v3.0; see [`lerobot`](super::lerobot).
     LeRobotV3,
-    /// A folder with a parquet file an episode, `codebase_version` v2.0 or v2.1; see [`super::lerobot`].
+    /// A folder with a parquet file an episode, `codebase_version` v2.0 or v2.1; see [`lerobot`](super::lerobot).
     LeRobotV2,
-    /// A folder with `main_data.hdf5`, or that file; see [`super::minari`].
+    /// A folder with `main_data.hdf5`, or that file; see [`minari`](super::minari).
     MinariHdf5,
-    /// A folder with a folder of parquet an episode; see [`super::minari`].
+    /// A folder with a folder of parquet an episode; see [`minari`](super::minari).
     MinariParquet,
-    /// A group an episode below `data` in HDF5; see [`super::robomimic`].
+    /// A group an episode below `data` in HDF5; see [`robomimic`](super::robomimic).
     Robomimic,
-    /// `obs`, `acs` in a npz file; see [`super::baselines_npz`].
+    /// `obs`, `acs` in a npz file.
     BaselinesNpz,
-    /// `obs`, `acts`, `indices` in a npz file; see [`super::imitation_npz`].
+    /// `obs`, `acts`, `indices` in a npz file.
     ImitationNpz,
 }
 

@@ -2,11 +2,11 @@
 //!
 //! A demonstration carries no reward, stage or origin, so nothing that judges can learn where it came from.
 
-pub mod baselines_npz;
+mod baselines_npz;
 pub mod d4rl;
 pub mod episode;
 mod hdf5;
-pub mod imitation_npz;
+mod imitation_npz;
 pub mod inspection;
 pub mod lerobot;
 pub mod minari;

@@ -19,7 +19,7 @@ use super::{Experience, TrustRegion, fisher_vector_product};
 use crate::math::nn::Real;
 use crate::math::nn::gaussian::{self, Moving};
 use crate::math::nn::mlp::{Mlp, Tape};
-use crate::math::solve::conjugate_gradient::conjugate_gradient;
+use crate::math::solve::conjugate_gradient;
 
 /// dθ'/dθ of one natural-gradient step.
 #[derive(Debug)]

@@ -5,15 +5,15 @@
 //! Everything is one thread; demonstrations and trajectories are what runs in parallel.
 //! Loops over elements are compiled for several instruction sets and the best one is chosen at run time.
 
-pub mod adam;
+pub(crate) mod adam;
 #[cfg(test)]
 pub(crate) mod check;
-pub mod elementwise;
+pub(crate) mod elementwise;
 pub mod gaussian;
-pub mod lstm;
-pub mod mlp;
+pub(crate) mod lstm;
+pub(crate) mod mlp;
 pub(crate) mod product;
-pub mod real;
+pub(crate) mod real;
 
 pub use adam::Adam;
 pub use elementwise::{sigmoid_in_place, softplus_in_place};

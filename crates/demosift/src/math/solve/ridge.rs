@@ -35,7 +35,7 @@ pub fn ridge(features: &Rows, targets: &[f32], ridge: f64) -> Result<Vec<f64>> {
 ///
 /// # Panics
 /// If there are not as many rows of targets as of features: a bug of the caller.
-pub fn ridge_columns(features: &Rows, targets: &Rows, ridge: f64) -> Result<Vec<Vec<f64>>> {
+pub(crate) fn ridge_columns(features: &Rows, targets: &Rows, ridge: f64) -> Result<Vec<Vec<f64>>> {
     assert_eq!(features.len(), targets.len(), "a target for each row");
     if !(ridge > 0.0 && ridge.is_finite()) {
         return Err(Error::bad_config(format!("the ridge must be a positive number, got {ridge}")));

@@ -14,7 +14,7 @@ use super::{standard_actions, standard_observations};
 use crate::basics::error::Result;
 use crate::data::demonstration::DemonstrationSet;
 use crate::math::rows::Rows;
-use crate::math::solve::ridge::ridge_columns;
+use crate::math::solve::ridge_columns;
 
 /// λ by the number of pairs: features and actions have unit spread, so this shrinks weights by a hundredth.
 const RIDGE: f64 = 1e-2;

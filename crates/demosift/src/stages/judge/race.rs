@@ -8,7 +8,7 @@
 use crate::math::statistics::{Moderation, mean, squared_deviations, student_quantile};
 
 /// The probability with which every decision of a race is right.
-pub const LEVEL: f64 = 0.9;
+pub(super) const LEVEL: f64 = 0.9;
 
 /// How many degrees of freedom the mean variance of the set is worth beside a demonstration's own.
 ///
@@ -17,7 +17,7 @@ const POOLING: f64 = 4.0;
 
 /// What a race is about.
 #[derive(Clone, Copy, Debug)]
-pub struct Race {
+pub(super) struct Race {
     /// K of the top K.
     pub cut: usize,
     /// How often one will look, at least 1.
@@ -29,15 +29,7 @@ pub struct Race {
 /// Who may still belong to either side of the cut, ascending; `means` holds the scores of each demonstration, one a repeat.
 ///
 /// Nobody is sure of a side before all have two repeats.
-///
-/// ```
-/// use demosift::stages::judge::race::{Race, contested};
-///
-/// let race = Race { cut: 1, looks: 1, level: 0.9 };
-/// let means = vec![vec![9.0, 9.2, 8.9], vec![8.8, 9.3, 9.1], vec![1.0, 1.1, 0.9]];
-/// assert_eq!(contested(&means, &race), [0, 1]);
-/// ```
-pub fn contested(means: &[Vec<f64>], race: &Race) -> Vec<usize> {
+pub(super) fn contested(means: &[Vec<f64>], race: &Race) -> Vec<usize> {
     let all: Vec<usize> = (0..means.len()).collect();
     if race.cut >= means.len() {
         return Vec::new();
