@@ -15,12 +15,12 @@ use demosift::world::environment::{EnvVariant, Environment, SimulatorState, Step
 use demosift::{Error, Result};
 use mujoco_rs::prelude::{MjData, MjtWarning};
 
-use crate::blueprint::Blueprint;
-use crate::heuristic_fold::FoldState;
-use crate::measurement::{Data, Moment, Step};
 use crate::model::Model;
-use crate::observation::Reading;
-use crate::reward::Transition;
+use crate::task::blueprint::Blueprint;
+use crate::task::heuristic_fold::FoldState;
+use crate::task::measurement::{Data, Moment, Step};
+use crate::task::observation::Reading;
+use crate::task::reward::Transition;
 
 /// Warnings after which MuJoCo no longer simulates what was asked for: it starts again, or drops the controls.
 const FATAL: [MjtWarning; 4] = [

@@ -82,27 +82,15 @@
 //! Where an episode ends early, heuristic, success and return are worked out of the rows that were played.
 //! A mean then rates a beginning; `docs/traps/variable-horizon.md` says what to take instead.
 
-mod blueprint;
 pub mod check;
-mod ends;
 pub mod environment;
-pub mod film;
-mod heuristic_fold;
 mod include;
-mod interval;
-mod measurement;
 pub mod model;
 pub mod mujoco_task;
 pub mod names;
-mod observation;
-pub mod picture;
+pub mod pictures;
 mod quiet;
 pub mod registry;
-pub mod render;
 pub mod replay;
-mod reset;
-pub mod reward;
-pub mod scene;
-mod slice;
-mod task_file;
+pub mod task;
 mod tasks;

@@ -8,11 +8,11 @@ use demosift::world::environment::{Environment, Specification, Task};
 use demosift::world::heuristic::Heuristic;
 use demosift::{Error, Result};
 
-use crate::blueprint::{Blueprint, resolve};
 use crate::environment::MujocoEnvironment;
 use crate::model::Model;
-use crate::reward::RewardShaping;
-use crate::task_file::TaskFile;
+use crate::task::blueprint::{Blueprint, resolve};
+use crate::task::reward::RewardShaping;
+use crate::task::task_file::TaskFile;
 
 /// Makes the part of the task reward that is written in Rust, once the task's sizes and names are known.
 pub type MakeShaping = fn(&Specification) -> Result<Box<dyn RewardShaping>>;

@@ -8,7 +8,7 @@ use demosift::world::environment::{EnvVariant, Environment, Task};
 use demosift_mujoco::environment::MujocoEnvironment;
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
-use demosift_mujoco::reward::{RewardShaping, Transition};
+use demosift_mujoco::task::reward::{RewardShaping, Transition};
 
 struct Buffers {
     observation: Vec<f32>,

@@ -3,8 +3,8 @@
 
 use demosift::basics::seed::Seed;
 use demosift::world::environment::{EnvVariant, Environment};
+use demosift_mujoco::pictures::render::Viewpoint;
 use demosift_mujoco::registry;
-use demosift_mujoco::render::Viewpoint;
 
 #[test]
 fn a_picture_shows_a_fawn_cheetah_on_a_gray_floor_under_the_sky() {

@@ -6,8 +6,8 @@ use demosift::basics::seed::Seed;
 use demosift::data::trajectory::StateLog;
 use demosift::world::environment::{EnvVariant, Environment as _, Task as _};
 use demosift_mujoco::mujoco_task::MujocoTask;
+use demosift_mujoco::pictures::scene::{self, Motion, POSE_BYTES};
 use demosift_mujoco::registry;
-use demosift_mujoco::scene::{self, Motion, POSE_BYTES};
 
 fn first_state(task: &MujocoTask) -> StateLog {
     let specification = task.specification();

@@ -12,9 +12,9 @@ use demosift::world::heuristic::Score;
 use demosift::world::policy::Policy;
 use demosift::world::rollout::{self, Acting, Playground};
 use demosift::{Error, Result};
-use demosift_mujoco::film::{self, Film, Take, Wanted};
 use demosift_mujoco::mujoco_task::MujocoTask;
-use demosift_mujoco::render::Viewpoint;
+use demosift_mujoco::pictures::film::{self, Film, Take, Wanted};
+use demosift_mujoco::pictures::render::Viewpoint;
 use demosift_mujoco::replay;
 use serde_json::json;
 

@@ -10,8 +10,8 @@ use demosift::run::experiment;
 use demosift::world::environment::Task as _;
 use demosift::world::heuristic::Score;
 use demosift_mujoco::mujoco_task::MujocoTask;
+use demosift_mujoco::pictures::scene::{self, Scene};
 use demosift_mujoco::replay::measurements;
-use demosift_mujoco::scene::{self, Scene};
 use serde::Serialize;
 
 use crate::job::Job;

@@ -6,10 +6,10 @@ use demosift::math::rows::Rows;
 use demosift::world::environment::Task as _;
 
 use super::{Finding, first_few, in_first, looked_at};
-use crate::interval::Interval;
 use crate::model::Joint;
 use crate::mujoco_task::MujocoTask;
 use crate::replay::Replay;
+use crate::task::interval::Interval;
 
 /// Two numbers are the same if they differ by less than this share of the largest of their column, or by less than this.
 const SAME: f64 = 1e-4;

@@ -5,9 +5,9 @@ use demosift::data::trajectory::StateLog;
 use demosift::math::rows::Rows;
 
 use super::Finding;
-use crate::interval::Interval;
 use crate::mujoco_task::MujocoTask;
-use crate::observation::{Reading, What};
+use crate::task::interval::Interval;
+use crate::task::observation::{Reading, What};
 
 /// A number that comes back to the very same extreme so often in one episode is cut off there.
 const RETURNS: usize = 3;

@@ -8,8 +8,8 @@ use demosift::world::environment::Task as _;
 use super::comparison::Recorded;
 use super::known::Known;
 use super::{Finding, first_few, several};
-use crate::ends::Kept;
 use crate::mujoco_task::MujocoTask;
+use crate::task::ends::Kept;
 
 /// What the task measures in recorded episodes.
 #[derive(Clone, Copy)]

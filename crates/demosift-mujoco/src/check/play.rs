@@ -12,9 +12,9 @@ use serde::Serialize;
 
 use super::{Finding, first_few, several};
 use crate::environment::MujocoEnvironment;
-use crate::measurement::Measurement;
 use crate::model::Kind;
 use crate::mujoco_task::MujocoTask;
+use crate::task::measurement::Measurement;
 
 /// Control steps that are played at least.
 const STEPS: usize = 5_000;

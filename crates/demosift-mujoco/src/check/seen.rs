@@ -5,10 +5,10 @@ use demosift::world::heuristic::Heuristic as _;
 use serde::Serialize;
 
 use super::Finding;
-use crate::blueprint::Blueprint;
 use crate::model::Kind;
 use crate::mujoco_task::MujocoTask;
-use crate::reward::Term;
+use crate::task::blueprint::Blueprint;
+use crate::task::reward::Term;
 
 /// A task as its model and its task file describe it.
 #[derive(Clone, Debug, PartialEq, Serialize)]

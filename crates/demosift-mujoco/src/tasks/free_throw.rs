@@ -8,7 +8,7 @@
 use demosift::Result;
 use demosift::world::environment::Specification;
 
-use crate::reward::{RewardShaping, Transition};
+use crate::task::reward::{RewardShaping, Transition};
 
 /// m/s², as in the model.
 const GRAVITY: f64 = 9.81;

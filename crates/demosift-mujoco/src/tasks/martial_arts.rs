@@ -8,7 +8,7 @@
 use demosift::Result;
 use demosift::world::environment::Specification;
 
-use crate::reward::{RewardShaping, Transition};
+use crate::task::reward::{RewardShaping, Transition};
 
 /// Pairs of reward for a step at the target, and the distance in m at which it has fallen to 1/e.
 /// The first one leads the last bit of the way, the second one lifts the leg.

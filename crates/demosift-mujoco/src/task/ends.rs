@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 
 use demosift::Result;
 
-use crate::heuristic_fold::column;
-use crate::interval::Interval;
+use crate::task::heuristic_fold::column;
+use crate::task::interval::Interval;
 
 /// The ranges of `[ends]`; none if an episode always lasts to its horizon.
 #[derive(Debug, Default)]

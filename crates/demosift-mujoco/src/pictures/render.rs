@@ -7,7 +7,7 @@ use mujoco_rs::renderer::MjRenderer;
 use crate::environment::MujocoEnvironment;
 use crate::model::{Kind, LARGEST_PICTURE, Model};
 use crate::mujoco_task::MujocoTask;
-use crate::picture::Picture;
+use crate::pictures::picture::Picture;
 
 /// Looks at environments of one task through one camera; must stay on the thread that made it.
 pub struct Viewpoint {

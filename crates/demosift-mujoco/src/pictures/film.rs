@@ -6,8 +6,8 @@ use demosift::world::environment::Task as _;
 use demosift::{Error, Result};
 
 use crate::mujoco_task::MujocoTask;
-use crate::picture::{Animation, Picture, TEXT_HEIGHT, text_width};
-use crate::render::Viewpoint;
+use crate::pictures::picture::{Animation, Picture, TEXT_HEIGHT, text_width};
+use crate::pictures::render::Viewpoint;
 use crate::replay::Replay;
 
 /// How observers hear of the work; its unit is a picture.

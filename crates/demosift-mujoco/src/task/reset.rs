@@ -8,7 +8,7 @@ use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 
 use crate::model::{Joint, Kind, Model};
-use crate::task_file::{self, Values};
+use crate::task::task_file::{self, Values};
 
 /// Initial states, one for each variant, and the noise that all share.
 #[derive(Debug)]

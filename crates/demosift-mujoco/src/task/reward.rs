@@ -2,8 +2,8 @@
 
 use demosift::{Error, Result};
 
-use crate::heuristic_fold::{Bound, Fold, column};
-use crate::task_file;
+use crate::task::heuristic_fold::{Bound, Fold, column};
+use crate::task::task_file;
 
 /// What a task written in Rust adds to the task reward of a step.
 pub trait RewardShaping: Send + Sync {

@@ -6,10 +6,10 @@ use std::sync::Arc;
 use demosift::{Error, Result};
 use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
 
-use crate::ends::Ends;
-use crate::heuristic_fold::column;
 use crate::model::{Joint, Kind, Model, Point};
-use crate::task_file;
+use crate::task::ends::Ends;
+use crate::task::heuristic_fold::column;
+use crate::task::task_file;
 
 /// The simulation that an environment owns.
 pub(crate) type Data = MjData<Arc<MjModel>>;

@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use demosift::{Error, Result};
 
-use crate::interval::Interval;
-use crate::measurement::{Data, position, velocity};
 use crate::model::{Joint, Kind, Model, Point};
-use crate::slice::{Slice, Sliced, sliced};
-use crate::task_file::{Names, ObservationPart, PartOf};
+use crate::task::interval::Interval;
+use crate::task::measurement::{Data, position, velocity};
+use crate::task::slice::{Slice, Sliced, sliced};
+use crate::task::task_file::{Names, ObservationPart, PartOf};
 
 /// One part of an observation, its names looked up.
 #[derive(Clone, Debug, PartialEq)]

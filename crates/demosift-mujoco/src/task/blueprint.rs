@@ -3,14 +3,14 @@
 use demosift::world::environment::Specification;
 use demosift::{Error, Result};
 
-use crate::ends::Ends;
-use crate::heuristic_fold::{Fold, column};
-use crate::measurement::{self, Measurement};
 use crate::model::{Kind, Model};
-use crate::observation::{self, Observed, Reading};
-use crate::reset::Reset;
-use crate::reward::{RewardShaping, Success, Term};
-use crate::task_file::TaskFile;
+use crate::task::ends::Ends;
+use crate::task::heuristic_fold::{Fold, column};
+use crate::task::measurement::{self, Measurement};
+use crate::task::observation::{self, Observed, Reading};
+use crate::task::reset::Reset;
+use crate::task::reward::{RewardShaping, Success, Term};
+use crate::task::task_file::TaskFile;
 
 /// All that the environments of a task share.
 pub(crate) struct Blueprint {

@@ -7,7 +7,7 @@ use demosift::world::heuristic::{Heuristic, Score};
 use demosift::{Error, Result};
 
 use crate::names::instead;
-use crate::task_file::{self, FoldKind, FoldOf, OneOrMore};
+use crate::task::task_file::{self, FoldKind, FoldOf, OneOrMore};
 
 /// A fold whose names have become columns.
 #[derive(Clone, Debug)]
