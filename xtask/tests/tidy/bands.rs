@@ -135,6 +135,29 @@ pub(crate) fn strangers_stay_apart(library: &[Source]) -> Vec<Violation> {
     violations
 }
 
+/// Every path of a document that begins with a band leads to a module of it: `stages::judge` in `stages::judge::Start`.
+pub(crate) fn named_modules_exist(
+    bands: &Bands,
+    library: &[Source],
+    path: &str,
+    markdown: &str,
+) -> Vec<Violation> {
+    let modules = Modules::of(LIBRARY, library);
+    let mut violations = Vec::new();
+    for (index, line) in markdown.lines().enumerate() {
+        for name in line.split('`').skip(1).step_by(2) {
+            let mut words = name.trim_start_matches("demosift::").split("::");
+            let (Some(band), Some(second)) = (words.next(), words.next()) else { continue };
+            let module: String = second.chars().take_while(|character| is_word(*character)).collect();
+            if bands.0.iter().any(|of| of == band) && !modules.holds(&format!("{band}::{module}")) {
+                let message = format!("`{name}`: `{band}` has no module `{module}`");
+                violations.push(Violation::new(path, index + 1, "named modules", message));
+            }
+        }
+    }
+    violations
+}
+
 /// The MuJoCo crate sees no algorithm: only bands up to playing.
 pub(crate) fn mujoco_imports_no_algorithm(
     bands: &Bands,

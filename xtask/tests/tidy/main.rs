@@ -540,6 +540,22 @@ fn tests_that_the_paper_page_names_exist_catches() {
 }
 
 #[test]
+fn modules_that_documents_name_exist() {
+    let library = library();
+    for path in files("", "md") {
+        tidy(bands::named_modules_exist(&real_bands(), &library, &path, &read(&path)));
+    }
+}
+
+#[test]
+fn modules_that_documents_name_exist_catches() {
+    let text =
+        read("docs/paper.md").replace("`learning::gail::Discriminator`", "`learning::gale::Discriminator`");
+    let violations = bands::named_modules_exist(&real_bands(), &library(), "docs/paper.md", &text);
+    assert!(!violations.is_empty() && violations.iter().all(|of| of.message.contains("gale")));
+}
+
+#[test]
 fn the_reader_of_files_tells_code_from_text() {
     let text = "let a = 'x'; let b = '\"'; // \"one\nlet c: &'static str = r#\"two \" //\"#;\n/* three /* */ four */ let d = '\\'';\nlet e = \"\\\"five\"; six();";
     let source = Source::new("a.rs", text);

@@ -30,7 +30,7 @@ impl Refereed {
     /// `is_bad_config`; says what would be right.
     pub(super) fn check(&self) -> Result<()> {
         let wrong = |what: String| Err(Error::bad_config(format!("the referee of '{}': {what}", self.set)));
-        if self.kept.iter().any(|kept| *kept == Choice::All) {
+        if self.kept.contains(&Choice::All) {
             return wrong("the kept are \"all\", which leaves nothing to compare".to_owned());
         }
         let decides = |with: &Refereeing| IMITATORS.iter().any(|rule| with.trainings(*rule) >= DECISIVE);
