@@ -40,6 +40,10 @@
 //! # Ok::<(), demosift::Error>(())
 //! ```
 //!
+//! The modules are bands, each of which uses lower ones only: [`basics`], [`math`], [`data`], [`world`], [`learning`],
+//! [`stages`], [`results`] and [`run`], from the lowest to the highest.
+//! Read from [`run::experiment::sift`] downward; the algorithms of the paper lie in [`stages`].
+//!
 //! The method is that of "Learning from noisy demonstration sets via meta-learned suitability assessor"; sections,
 //! equations and algorithms in this documentation are those of that paper.
 
