@@ -264,10 +264,11 @@ fn assess(round: &Round<'_>, prior: &MetaPrior, observer: &mut dyn Observer) -> 
     Ok(judge::judge(&trial, &mut JudgingState::default(), &mut within)?.scores)
 }
 
-/// Judging as a round does it: each demonstration once, by few iterations.
+/// Judging as a round does it: each demonstration once, by few iterations, of which the mean takes the same share of the last
+/// as in judging, so that the hardly trained first ones do not count.
 pub(crate) fn assessing(selection: &SubsetSelection, judging: &Judging) -> Judging {
     let iterations = selection.iterations;
-    let averaged = judging.averaged.min(iterations);
+    let averaged = (judging.averaged * iterations).div_ceil(judging.iterations.max(1)).clamp(1, iterations.max(1));
     Judging { iterations, averaged, repeats: 1, most_repeats: 1, ..judging.clone() }
 }
 

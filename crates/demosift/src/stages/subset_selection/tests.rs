@@ -154,3 +154,13 @@ fn algorithm_3_ends_when_the_subset_stays_or_the_rounds_are_up() {
     assert_eq!(end(&restless, &how), Some(WeighingEnd::RoundLimit));
     assert_eq!(end(&restless[..4], &how), None);
 }
+
+#[test]
+fn a_round_takes_the_mean_of_the_last_iterates_as_judging_does() {
+    let of = |preset: Preset| {
+        let config = preset.config();
+        let few = assessing(&config.subset_selection, &config.judge);
+        (few.averaged, few.iterations)
+    };
+    assert_eq!([of(Preset::Quick), of(Preset::Standard), of(Preset::Paper)], [(2, 5), (3, 8), (1, 5)]);
+}
