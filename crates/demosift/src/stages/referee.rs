@@ -9,6 +9,7 @@
 //! |---|---|
 //! | candidates × imitators are *pairs*; training t of every pair has the same seeds | [`Contest`], [`Unit`] |
 //! | rounds of trainings; who is surely hopeless is dropped between them | [`Contest::next_units`], [`hopeless`] |
+//! | at the end as many trainings of the whole set by each imitator, if only these can still decide | [`Contest::next_units`] |
 //! | Welch's t of two pairs, with a floor under the spread | `welch` |
 //! | what that says | [`decide`] |
 //! | how often it is wrong | [`conclusion_rates`] |
@@ -70,6 +71,11 @@ impl Refereeing {
             Rule::BehavioralCloning => self.cloning,
             Rule::Gail => self.gail,
         }
+    }
+
+    /// Trainings of a pair by the imitator that has most.
+    pub fn most(&self) -> usize {
+        self.cloning.max(self.gail)
     }
 }
 

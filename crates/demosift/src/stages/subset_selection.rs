@@ -268,7 +268,8 @@ fn assess(round: &Round<'_>, prior: &MetaPrior, observer: &mut dyn Observer) -> 
 /// as in judging, so that the hardly trained first ones do not count.
 pub(crate) fn assessing(selection: &SubsetSelection, judging: &Judging) -> Judging {
     let iterations = selection.iterations;
-    let averaged = (judging.averaged * iterations).div_ceil(judging.iterations.max(1)).clamp(1, iterations.max(1));
+    let averaged =
+        (judging.averaged * iterations).div_ceil(judging.iterations.max(1)).clamp(1, iterations.max(1));
     Judging { iterations, averaged, repeats: 1, most_repeats: 1, ..judging.clone() }
 }
 

@@ -1,7 +1,7 @@
 //! Which trainings are still to be made: rounds, and who is dropped between them.
 
 use super::welch::Sample;
-use super::{Candidate, DECISIVE, IMITATORS, Refereeing, Side, Trained, Training, Verdict, decide};
+use super::{Candidate, DECISIVE, IMITATORS, Refereeing, Side, Trained, Training, Verdict, decide, decision};
 use crate::learning::adapt::Rule;
 
 /// A pair is dropped if the best of its side is better at this level: so strict that the decision is none the wiser.
@@ -15,6 +15,8 @@ pub struct Contest {
     pairs: Vec<Trained>,
     /// Trainings of every pair that stays in.
     rounds: usize,
+    /// Whether the whole set was given the trainings that a rival by another imitator has.
+    has_evened: bool,
     /// Whether the pairs that decide nothing have joined.
     has_shown: bool,
 }
@@ -37,7 +39,14 @@ impl Contest {
     pub fn new(candidates: Vec<Candidate>, refereeing: Refereeing) -> Self {
         let imitators = IMITATORS.into_iter().filter(|rule| refereeing.trainings(*rule) >= DECISIVE);
         let pairs = imitators.flat_map(|rule| (0..candidates.len()).map(move |index| untrained(index, rule)));
-        Self { pairs: pairs.collect(), candidates, refereeing, rounds: 0, has_shown: false }
+        Self {
+            pairs: pairs.collect(),
+            candidates,
+            refereeing,
+            rounds: 0,
+            has_evened: false,
+            has_shown: false,
+        }
     }
 
     /// What could be trained on.
@@ -49,7 +58,7 @@ impl Contest {
     ///
     /// The first rounds are one, as nobody is dropped between them.
     pub fn next_units(&mut self) -> Vec<Unit> {
-        let most = IMITATORS.map(|rule| self.refereeing.trainings(rule)).into_iter().max().unwrap_or(0);
+        let most = self.refereeing.most();
         while self.rounds < most && !self.pairs.is_empty() && !self.has_shown {
             if self.rounds >= DECISIVE {
                 for pair in hopeless(&self.candidates, &self.pairs) {
@@ -65,6 +74,13 @@ impl Contest {
         }
         if self.has_shown {
             return Vec::new();
+        }
+        if !self.has_evened {
+            self.has_evened = true;
+            let units = self.evening_units(most);
+            if !units.is_empty() {
+                return units;
+            }
         }
         self.has_shown = true;
         let first = self.pairs.len();
@@ -90,6 +106,30 @@ impl Contest {
             })
         };
         (from..to).flat_map(of_round).collect()
+    }
+
+    /// Trainings of the whole set by imitators with fewer of them than others, where only these could still keep a kept pair
+    /// from being better: three are not enough to say so.
+    ///
+    /// What the few say is not looked at, so each comparison is made once.
+    fn evening_units(&self, most: usize) -> Vec<Unit> {
+        let is_whole = |pair: &Trained| self.candidates[pair.candidate].side == Side::Whole && !pair.dropped;
+        let is_short = |pair: &Trained| is_whole(pair) && self.refereeing.trainings(pair.imitator) < most;
+        let mut rest = self.pairs.clone();
+        rest.retain(|pair| !is_short(pair));
+        if !decision::beats_the_whole(&self.candidates, &rest) {
+            return Vec::new();
+        }
+        let short = self.pairs.iter().enumerate().filter(|(_, pair)| is_short(pair));
+        let all = short.flat_map(|(index, pair)| {
+            (pair.trainings.len()..most).map(move |training| Unit {
+                pair: index,
+                candidate: pair.candidate,
+                imitator: pair.imitator,
+                training,
+            })
+        });
+        all.collect()
     }
 
     /// What came of a unit; units are added in order.
@@ -128,12 +168,9 @@ fn shown_kept(candidates: &[Candidate], best: Option<usize>) -> Vec<usize> {
     (0..candidates.len()).filter(is_shown).collect()
 }
 
-/// Pairs that are surely worse than the best of their side; random subsets are held against those of their size.
+/// Pairs that are surely worse than the best of their side; random subsets are the control of their own imitator, and stay.
 pub fn hopeless(candidates: &[Candidate], pairs: &[Trained]) -> Vec<usize> {
-    let side = |pair: &Trained| {
-        let Candidate { side, size, .. } = &candidates[pair.candidate];
-        (*side, if *side == Side::Random { *size } else { 0 })
-    };
+    let side = |pair: &Trained| candidates[pair.candidate].side;
     let is_surely_worse = |index: &usize| {
         let pair = &pairs[*index];
         let sample = Sample::of(&pair.trainings);
@@ -143,7 +180,10 @@ pub fn hopeless(candidates: &[Candidate], pairs: &[Trained]) -> Vec<usize> {
         let best = rivals.max_by(|a, b| a.mean.total_cmp(&b.mean));
         best.is_some_and(|best| best.mean > sample.mean && best.over(&sample).low(STRICT) > 0.0)
     };
-    let stays = |index: &usize| !pairs[*index].dropped && pairs[*index].trainings.len() >= DECISIVE;
+    let stays = |index: &usize| {
+        let pair = &pairs[*index];
+        !pair.dropped && side(pair) != Side::Random && pair.trainings.len() >= DECISIVE
+    };
     (0..pairs.len()).filter(stays).filter(is_surely_worse).collect()
 }
 
@@ -158,8 +198,10 @@ pub struct Meant {
     pub training: usize,
 }
 
-/// All trainings that a contest makes where nobody is dropped.
+/// All trainings that a contest makes at most: where nobody is dropped, and the whole set gets by each imitator as many
+/// trainings as by the one that has most.
 pub fn meant(candidates: &[Candidate], refereeing: &Refereeing) -> Vec<Meant> {
+    let most = refereeing.most();
     let all = IMITATORS.into_iter().flat_map(|imitator| {
         let trainings = refereeing.trainings(imitator);
         let kept: Vec<usize> = shown_kept(candidates, None);
@@ -170,7 +212,12 @@ pub fn meant(candidates: &[Candidate], refereeing: &Refereeing) -> Vec<Meant> {
             (false, true, false) => [kept].into_iter().chain(whole.map(|index| vec![index])).collect(),
             (false, ..) => kept.into_iter().chain(whole).map(|index| vec![index]).collect(),
         };
-        groups.into_iter().flat_map(move |candidates| {
+        groups.into_iter().flat_map(move |group| {
+            let is_evened = trainings >= DECISIVE
+                && group.iter().all(|index| candidates[*index].side == Side::Whole)
+                && candidates.iter().any(|candidate| candidate.side == Side::Kept);
+            let trainings = if is_evened { most } else { trainings };
+            let candidates = group;
             (0..trainings).map(move |training| Meant { imitator, candidates: candidates.clone(), training })
         })
     });

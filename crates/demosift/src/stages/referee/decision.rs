@@ -14,8 +14,8 @@ const TAIL: f64 = 0.025;
 /// What the scores of the trainings say; `unit` is that of the heuristic, for the sentence.
 ///
 /// Compared are the kept pairs with enough trainings, if those of the whole set have enough as well.
-/// A kept pair beats the whole set if it beats it by *each* imitator, and random subsets likewise: the least sure of these
-/// comparisons counts, which needs no correction (an intersection of tests).
+/// A kept pair beats the whole set if it beats it by *each* imitator, and random subsets by its own, which are like it but for
+/// the choice: the least sure of these comparisons counts, which needs no correction (an intersection of tests).
 /// Over the pairs compared the level is divided by their number (Bonferroni), for the limits of the difference too.
 ///
 /// ```
@@ -66,6 +66,11 @@ pub fn decide(candidates: Vec<Candidate>, trained: Vec<Trained>, unit: &str) -> 
     };
     verdict.sentence = words::sentence(&verdict, unit);
     verdict
+}
+
+/// Whether a kept pair surely beats every pair of the whole set that is among these.
+pub(super) fn beats_the_whole(candidates: &[Candidate], trained: &[Trained]) -> bool {
+    !Field::of(candidates, trained).better_than_the_whole().is_empty()
 }
 
 /// The pairs that are compared, by their side.
@@ -119,23 +124,37 @@ impl<'a> Field<'a> {
         self.best(&enough).or_else(|| self.best(&all))
     }
 
-    /// The random subsets that a kept pair is held against.
+    /// The random subsets that a kept pair is held against: as large, and imitated by the same imitator.
     fn random(&self, kept: usize) -> Vec<usize> {
-        let size = self.candidates[self.trained[kept].candidate].size;
-        self.enough(|candidate| candidate.side == Side::Random && candidate.size == size)
+        let Trained { candidate, imitator, .. } = &self.trained[kept];
+        let size = self.candidates[*candidate].size;
+        let mut random = self.enough(|candidate| candidate.side == Side::Random && candidate.size == size);
+        random.retain(|pair| self.trained[*pair].imitator == *imitator);
+        random
+    }
+
+    /// The level of each test.
+    fn level(&self) -> f64 {
+        TESTED * LEVEL / self.kept.len() as f64
+    }
+
+    fn beats(&self, of: usize, others: &[usize]) -> bool {
+        others.iter().all(|over| self.over(of, *over).low(self.level()) > 0.0)
+    }
+
+    /// The kept pairs that beat the whole set.
+    fn better_than_the_whole(&self) -> Vec<usize> {
+        self.kept.iter().copied().filter(|of| self.beats(*of, &self.whole)).collect()
     }
 
     fn compare(&self) -> Option<Found> {
         let (best_kept, best_whole) = (self.best(&self.kept)?, self.best(&self.whole)?);
-        let level = TESTED * LEVEL / self.kept.len() as f64;
-        let beats =
-            |of: usize, others: &[usize]| others.iter().all(|over| self.over(of, *over).low(level) > 0.0);
-        let mut beat_whole = self.kept.clone();
-        beat_whole.retain(|of| beats(*of, &self.whole));
+        let level = self.level();
+        let beat_whole = self.better_than_the_whole();
         let mut beat_both = beat_whole.clone();
         beat_both.retain(|of| {
             let random = self.random(*of);
-            !random.is_empty() && beats(*of, &random)
+            !random.is_empty() && self.beats(*of, &random)
         });
         let is_worse = |of: &usize| self.over(*of, best_whole).high(level) <= 0.0;
         let (conclusion, kept, winner) = match (self.best(&beat_both), self.best(&beat_whole)) {

@@ -175,22 +175,54 @@ fn nobody_is_dropped_before_three_trainings_and_the_best_never() {
     assert_eq!((by(4), by(5), by(6)), ((3, true), (4, false), (3, true)));
     assert_eq!(verdict.compared, 4, "the dropped count all the same");
     let counted = meant(&verdict.candidates, &"cloning=5,gail=4".parse().expect("well written"));
-    assert_eq!(counted.len(), 4 * 5 + 4 * 4);
+    assert_eq!(counted.len(), 4 * 5 + 4 * 4 + 1);
 }
 
 #[test]
-fn what_is_meant_is_what_is_trained_where_nobody_is_dropped() {
+fn the_whole_set_gets_as_many_trainings_where_only_those_can_still_decide() {
+    let kept = [named("kept", &[1])];
+    // By cloning the kept are far ahead; by GAIL the whole set scatters, so that three trainings of it say little.
+    let score = |whole_by_gail: fn(usize) -> Score| {
+        move |unit: Unit| match (unit.candidate, unit.imitator) {
+            (0, _) => 1.0 + 0.01 * (unit.training % 3) as f64,
+            (1, Gail) => whole_by_gail(unit.training),
+            // As good as the kept, but by GAIL: the control of the kept by cloning is imitated by cloning.
+            (2, Gail) => 1.0,
+            _ => 0.1 * (unit.training % 2) as f64,
+        }
+    };
+    let trainings = |verdict: &Verdict| -> Vec<usize> {
+        verdict.pairs.iter().map(|pair| pair.trained.trainings.len()).collect()
+    };
+    let (_, helps) = played(&kept, "cloning=10,gail=3", score(|training| 0.3 * (training % 3) as f64));
+    assert_eq!(trainings(&helps), [10, 10, 10, 3, 10, 3]);
+    assert_eq!((helps.conclusion, helps.winner), (Conclusion::Helps, Some(0)));
+    // What the further trainings show counts, whatever the first three were.
+    let (_, level) = played(
+        &kept,
+        "cloning=10,gail=3",
+        score(|training| if training < 3 { 0.3 * training as f64 } else { 1.0 }),
+    );
+    assert_eq!((trainings(&level)[4], level.conclusion), (10, Conclusion::CannotTell));
+    // Where the kept are not ahead by cloning, nothing can still be decided.
+    let (_, alike) = played(&kept, "cloning=10,gail=3", |unit| 0.1 * (unit.training % 2) as f64);
+    assert_eq!(trainings(&alike), [10, 10, 10, 3, 3, 3]);
+}
+
+#[test]
+fn what_is_meant_is_what_is_trained_at_most() {
     let kept = [named("a", &[1]), named("b", &[2, 3])];
-    for (how, wanted) in [
-        ("cloning=5,gail=1", 5 * 5 + 2),
-        ("cloning=4,gail=3", 5 * 7),
-        ("cloning=1,gail=2", 3 * 3),
-        ("gail=3", 5 * 3),
-        ("none", 0),
+    for (how, wanted, evened) in [
+        ("cloning=5,gail=1", 5 * 5 + 2, 0),
+        ("cloning=4,gail=3", 5 * 7, 1),
+        ("cloning=1,gail=2", 3 * 3, 0),
+        ("gail=3", 5 * 3, 0),
+        ("none", 0, 0),
     ] {
         let (rounds, verdict) = played(&kept, how, |unit| 0.1 * (unit.training % 2) as f64);
         assert_eq!(rounds.concat().len(), wanted, "{how}");
-        assert_eq!(meant(&verdict.candidates, &how.parse().expect("well written")).len(), wanted, "{how}");
+        let meant = meant(&verdict.candidates, &how.parse().expect("well written"));
+        assert_eq!(meant.len(), wanted + evened, "{how}");
     }
     // All is kept: the whole set alone.
     let (rounds, _) = played(&[named("kept", &[0, 1, 2, 3, 4, 5])], "cloning=5,gail=1", |_| 0.0);
