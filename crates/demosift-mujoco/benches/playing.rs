@@ -49,7 +49,7 @@ fn main() {
     }
 }
 
-fn print_row((task, what): (&str, &str), threads: usize, steps: usize, bare: Vec<f64>, played: Vec<f64>) {
+fn print_row(task: &str, what: &str, threads: usize, steps: usize, bare: Vec<f64>, played: Vec<f64>) {
     let ratio = median(bare.iter().zip(&played).map(|(bare, played)| played / bare).collect());
     let (bare, played) = (median(bare), median(played));
     let micros = |secs: f64| secs * threads as f64 / steps as f64 * 1e6;
@@ -92,7 +92,7 @@ fn compare_policy(name: &str, task: &MujocoTask, hidden: usize, threads: usize) 
         played.push(play().0);
     }
     let what = format!("policy {hidden}-{hidden}");
-    print_row((name, &what), threads, episodes * specification.horizon, bare, played);
+    print_row(name, &what, threads, episodes * specification.horizon, bare, played);
 }
 
 fn recorded_actions(played: &Trajectory) -> Vec<Vec<f32>> {
@@ -110,7 +110,7 @@ fn compare(name: &str, task: &MujocoTask, threads: usize) {
         bare.push(timed(threads, || step_bare(task, &actions)));
         played.push(timed(threads, || play(task, &actions)));
     }
-    print_row((name, "environment"), threads, threads * STEPS, bare, played);
+    print_row(name, "environment", threads, threads * STEPS, bare, played);
 }
 
 /// Actions in [−1, 1], the same for both ways.

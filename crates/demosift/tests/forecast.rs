@@ -313,7 +313,7 @@ fn a_recording_is_counted() {
         let observer = &mut Silent;
         let start = || DemonstratorState::start(&playground, &training, &seed.of("start"));
         let (state, mut keeping) =
-            Keeping::begin((&mut ledger, observer), &playground, demonstrator::STAGE, "", start).unwrap();
+            Keeping::begin(&mut ledger, observer, &playground, demonstrator::STAGE, "", start).unwrap();
         let stages = demonstrator::train(&playground, &training, state, &seed, &mut keeping).unwrap();
         keeping.finish("", &stages).unwrap();
         stages

@@ -484,7 +484,7 @@ fn train(ledger: &mut InMemory, observer: &mut dyn Observer, goals: usize) -> Ve
     let playground = Playground::new(&task);
     let start = || DemonstratorState::start(&playground, &training, &seed);
     let (state, mut keeping) =
-        Keeping::begin((ledger, observer), &playground, demonstrator::STAGE, "", start).unwrap();
+        Keeping::begin(ledger, observer, &playground, demonstrator::STAGE, "", start).unwrap();
     demonstrator::train(&playground, &training, state, &seed, &mut keeping).unwrap()
 }
 

@@ -320,7 +320,7 @@ fn stages(
     let training = recording.demonstrator.as_ref().expect("a recording has a training or a source");
     let mut progress = Progress::new(MetricsFile::open(folder.path())?);
     let seed = Seed::new(recording.seed).of("demonstrator");
-    let stages = train(playground, training, &seed, (folder, &mut progress));
+    let stages = train(playground, training, &seed, folder, &mut progress);
     let told = progress.finish();
     let stages = stages?;
     told?;
@@ -331,11 +331,11 @@ fn train(
     playground: &Playground<'_>,
     training: &DemonstratorTraining,
     seed: &Seed,
-    (folder, progress): (&mut RunFolder, &mut Progress),
+    folder: &mut RunFolder,
+    progress: &mut Progress,
 ) -> Result<Vec<Stage>> {
     let start = || DemonstratorState::start(playground, training, &seed.of("start"));
-    let (state, mut keeping) =
-        Keeping::begin((folder, progress), playground, demonstrator::STAGE, "", start)?;
+    let (state, mut keeping) = Keeping::begin(folder, progress, playground, demonstrator::STAGE, "", start)?;
     let stages = demonstrator::train(playground, training, state, seed, &mut keeping)?;
     keeping.finish("", &stages)?;
     Ok(stages)

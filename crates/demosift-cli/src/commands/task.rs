@@ -238,13 +238,15 @@ fn under_recorded_actions(seen: &Seen, recorded: &Recorded) -> String {
     };
     let scale = Scale::of(recorded.demonstrations.iter().filter_map(|one| one.score), &seen.unit);
     let title = scale.title("heuristic");
-    let says = recorded.demonstrations.iter().any(|one| one.succeeded.is_some());
-    let replayed = recorded.states != StatesFrom::Nowhere;
-    let scored = recorded.demonstrations.iter().any(|one| one.score.is_some());
+    let shown = Shown {
+        replayed: recorded.states != StatesFrom::Nowhere,
+        scored: recorded.demonstrations.iter().any(|one| one.score.is_some()),
+        succeeded: recorded.demonstrations.iter().any(|one| one.succeeded.is_some()),
+    };
     let mut header = vec!["demonstration", "steps", "max action"];
-    if replayed {
-        header.extend(scored.then_some(title.as_str()));
-        header.extend(says.then_some("success"));
+    if shown.replayed {
+        header.extend(shown.scored.then_some(title.as_str()));
+        header.extend(shown.succeeded.then_some("success"));
         header.extend(["misses", "drift", "rms", "leaves"]);
     }
     let rows: Vec<Vec<String>> = recorded
@@ -252,7 +254,7 @@ fn under_recorded_actions(seen: &Seen, recorded: &Recorded) -> String {
         .iter()
         .enumerate()
         .take(SHOWN)
-        .map(|(id, one)| row_of(id, one, scale, (replayed, scored, says)))
+        .map(|(id, one)| row_of(id, one, scale, shown))
         .collect();
     let rest = match recorded.demonstrations.len() - rows.len() {
         0 => String::new(),
@@ -261,25 +263,28 @@ fn under_recorded_actions(seen: &Seen, recorded: &Recorded) -> String {
     format!(
         "\n{words}\n\n{}{rest}{}",
         table(&header, &rows),
-        if replayed { format!("\n{}\n", wrapped(LEGEND)) } else { String::new() }
+        if shown.replayed { format!("\n{}\n", wrapped(LEGEND)) } else { String::new() }
     )
 }
 
-fn row_of(
-    id: usize,
-    one: &Compared,
-    scale: Scale<'_>,
-    (replayed, scored, says): (bool, bool, bool),
-) -> Vec<String> {
+/// Which columns there is anything to show in.
+#[derive(Clone, Copy)]
+struct Shown {
+    replayed: bool,
+    scored: bool,
+    succeeded: bool,
+}
+
+fn row_of(id: usize, one: &Compared, scale: Scale<'_>, shown: Shown) -> Vec<String> {
     let mut row = vec![id.to_string(), one.steps.to_string(), format!("{:.2}", one.largest_action)];
-    if !replayed {
+    if !shown.replayed {
         return row;
     }
     let unknown = || "-".to_owned();
-    if scored {
+    if shown.scored {
         row.push(one.score.map_or_else(unknown, |score| scale.plain(score)));
     }
-    if says {
+    if shown.succeeded {
         row.push(one.succeeded.map_or_else(unknown, tables::yes_or_no));
     }
     row.push(one.typically_missed.map_or_else(unknown, check::percent_missed));

@@ -273,7 +273,7 @@ pub fn report(sources: &Sources<'_>) -> Result<Report> {
         before: statistics::mean(&before),
         level: uncertainty.level,
         caveat: uncertainty.caveat(),
-        entries: entries(sources, &scores, (kept, k))?,
+        entries: entries(sources, &scores, kept, k)?,
         groups: uncertainty.groups.len(),
         top_set: uncertainty.top_set.get(k - 1).copied().unwrap_or(f64::NAN),
         adapted_behaviors_distance: scores.adapted_behaviors_distance(),
@@ -309,7 +309,7 @@ fn curves(sources: &Sources<'_>) -> Result<Vec<AdaptationCurve>> {
     Ok(curves)
 }
 
-fn entries(sources: &Sources<'_>, scores: &ScoreTable, (kept, k): (&[DemoId], usize)) -> Result<Vec<Entry>> {
+fn entries(sources: &Sources<'_>, scores: &ScoreTable, kept: &[DemoId], k: usize) -> Result<Vec<Entry>> {
     let panel::Opinion { ranking, uncertainty, .. } = sources.panel.deciding();
     let variants = sources.task.specification().variants.len();
     let under: Vec<Ranking> = match variants {

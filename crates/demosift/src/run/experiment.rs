@@ -59,7 +59,7 @@ use crate::results::artifact::{Artifact, onnx};
 use crate::results::data_only::{self, DataOnly};
 use crate::results::panel::{Judge, Judges, Opinion, Panel};
 use crate::results::uncertainty::Uncertainty;
-use crate::stages::imitate::{self, Imitation, ImitationState, LearningCurve};
+use crate::stages::imitate::{self, Imitation, ImitationState, LearningCurve, Lesson};
 use crate::stages::judge::{self, Judging};
 use crate::stages::meta_train::{MetaTraining, MutualInformation};
 use crate::stages::method::{Costs, Method, Spent};
@@ -73,7 +73,7 @@ pub use checks::{check, check_demonstrator, check_fits, check_has_weights};
 pub use judging::{
     check_budget, first_start, hand_on, judging, judging_seed, opinion, panel, plan, prior, scores,
 };
-pub(crate) use judging::{cloning_update, information, learning_seed};
+pub(crate) use judging::{cloning_update, information, learning, learning_seed};
 pub use keeping::Keeping;
 pub(crate) use keeping::{begun, stage_name};
 pub(crate) use verdict::rest as rest_of_verdict;
@@ -184,14 +184,9 @@ pub fn weighing(run: &mut Run<'_>, prior: &MetaPrior) -> Result<Weighing> {
     let seed = weighing_seed(config);
     let start = || Ok(WeighingState::start(set, prior.clone(), information(config), &seed.of("start")));
     let stage = subset_selection::STAGE;
-    let (state, mut keeping) = Keeping::begin((*ledger, *observer), playground, stage, "", start)?;
-    let means = Means {
-        selection: &config.subset_selection,
-        training: &config.meta_train,
-        inner: &config.inner,
-        information: &config.mutual_information,
-        judging: &config.judge,
-    };
+    let (state, mut keeping) = Keeping::begin(*ledger, *observer, playground, stage, "", start)?;
+    let means =
+        Means { selection: &config.subset_selection, learning: learning(config), judging: &config.judge };
     let weighing = subset_selection::select_subset(set, playground, &means, state, &seed, &mut keeping)?;
     keeping.finish("", &weighing)?;
     Ok(weighing)
@@ -343,13 +338,14 @@ fn learning_curve_with(
         return Ok(curve);
     }
     let imitation = &config.imitate;
-    let start = || Ok(ImitationState::start((set, demos), &config.policy, imitation, &seed.of("start")));
+    let start = || Ok(ImitationState::start(set, demos, &config.policy, imitation, &seed.of("start")));
     let (mut state, mut keeping) =
-        Keeping::begin((*ledger, *observer), playground, imitate::STAGE, part, start)?;
+        Keeping::begin(*ledger, *observer, playground, imitate::STAGE, part, start)?;
     if state.demos() != demos {
         state = start()?;
     }
-    let curve = imitate::imitate(set, playground, imitation, state, seed, (part, &mut keeping))?;
+    let lesson = Lesson { set, playground, imitation, part, seed };
+    let curve = imitate::imitate(&lesson, state, &mut keeping)?;
     keeping.finish(part, &curve)?;
     onnx::keep_policy(*ledger, part, &curve.best, playground.specification())?;
     Ok(curve)

@@ -423,7 +423,8 @@ pub fn replay(
     playground: &Playground<'_>,
     policy: &Policy,
     judging: &Judging,
-    (variant, evaluation): (EnvVariant, usize),
+    variant: EnvVariant,
+    evaluation: usize,
     seed: &Seed,
 ) -> Result<(Trajectory, Seed)> {
     let seed = || {

@@ -25,9 +25,9 @@ use serde::{Deserialize, Serialize};
 use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemonstrationSet;
-use crate::learning::adapt::{InnerUpdate, Rule};
+use crate::learning::adapt::Rule;
 use crate::stages::judge::{self, Cost, Judging};
-use crate::stages::meta_train::{self, MetaTraining, MutualInformation};
+use crate::stages::meta_train::{self, Learning};
 use crate::stages::pre_train;
 use crate::world::rollout::Playground;
 
@@ -74,12 +74,8 @@ impl std::fmt::Display for Method {
 /// What a configuration asks of meta-training and judging.
 #[derive(Clone, Copy, Debug)]
 pub struct Asked<'a> {
-    /// Meta-training.
-    pub training: &'a MetaTraining,
-    /// The inner update of both.
-    pub inner: &'a InnerUpdate,
-    /// What mutual information would play.
-    pub information: &'a MutualInformation,
+    /// Meta-training, with the mutual information that `maml-mi` uses.
+    pub learning: Learning<'a>,
     /// Judging.
     pub judging: &'a Judging,
 }
@@ -103,7 +99,7 @@ pub fn plan(
     asked: &Asked<'_>,
     seed: &Seed,
 ) -> Plan {
-    match asked.inner.imitation {
+    match asked.learning.inner.imitation {
         Rule::Gail => plan_by_steps(method, set, playground, asked, seed),
         Rule::BehavioralCloning => plan_by_updates(method, set, playground, asked, seed),
     }
@@ -117,16 +113,17 @@ fn plan_by_steps(
     asked: &Asked<'_>,
     seed: &Seed,
 ) -> Plan {
-    let Asked { training, inner, information, judging } = *asked;
-    let rounds =
-        |information| meta_train::steps_by_round(set, playground, (training, inner, information), seed);
+    let Asked { learning, judging } = *asked;
+    let Learning { training, inner, .. } = learning;
+    let plainly = learning.plain();
     let cost = |judging| Cost { judging, inner, starts_anew: false };
     let judged = judge::steps(set.len(), playground.specification(), &cost(judging));
-    let learned: u64 = rounds(None).take(training.rounds).sum();
+    let rounds = |how| meta_train::steps_by_round(set, playground, how, seed);
+    let learned: u64 = rounds(&plainly).take(training.rounds).sum();
     let plain = Plan { quota: learned + judged, updates: training.rounds, iterations: judging.iterations };
     match method {
         Method::Maml => plain,
-        Method::MamlMi => Plan { updates: affordable(rounds(Some(information)), learned), ..plain },
+        Method::MamlMi => Plan { updates: affordable(rounds(&learning), learned), ..plain },
         Method::AvgFineTune => {
             let update = pre_train::steps_of_update(inner, playground.specification().horizon);
             Plan { updates: (learned / update) as usize, ..plain }
@@ -148,7 +145,8 @@ fn plan_by_updates(
     asked: &Asked<'_>,
     seed: &Seed,
 ) -> Plan {
-    let Asked { training, inner, information, judging } = *asked;
+    let Asked { learning, judging } = *asked;
+    let Learning { training, inner, .. } = learning;
     let task = playground.specification();
     let learned = training.rounds * training.meta_batch.min(set.len());
     let (updates, iterations) = match method {
@@ -159,12 +157,11 @@ fn plan_by_updates(
             (0, judging.iterations + learned / at_once)
         }
     };
-    let information = (method == Method::MamlMi).then_some(information);
     let learned: u64 = match method {
         Method::AvgFineTune => pre_train::steps_of_update(inner, task.horizon) * updates as u64,
         _ => {
-            let rounds = meta_train::steps_by_round(set, playground, (training, inner, information), seed);
-            rounds.take(updates).sum()
+            let learning = if method == Method::MamlMi { learning } else { learning.plain() };
+            meta_train::steps_by_round(set, playground, &learning, seed).take(updates).sum()
         }
     };
     let judging = Judging { iterations, ..judging.clone() };
@@ -183,20 +180,21 @@ pub fn check_budget(
     asked: &Asked<'_>,
     seed: &Seed,
 ) -> Result<()> {
-    let Asked { training, inner, information, .. } = *asked;
+    let learning = asked.learning;
+    let Learning { training, inner, .. } = learning;
+    let plainly = learning.plain();
     let learns = method.stage().is_some() && training.rounds > 0;
     if !learns || plan(method, set, playground, asked, seed).updates > 0 {
         return Ok(());
     }
-    let rounds =
-        |information| meta_train::steps_by_round(set, playground, (training, inner, information), seed);
+    let rounds = |how| meta_train::steps_by_round(set, playground, how, seed);
     let price = match method {
         Method::AvgFineTune => pre_train::steps_of_update(inner, playground.specification().horizon),
-        _ => rounds(Some(information)).next().unwrap_or(0),
+        _ => rounds(&learning).next().unwrap_or(0),
     };
-    let budget: u64 = rounds(None).take(training.rounds).sum();
+    let budget: u64 = rounds(&plainly).take(training.rounds).sum();
     // As many as the first is affordable after, and one more if that is not exactly its price.
-    let enough = 1 + affordable(rounds(None), price.saturating_sub(1));
+    let enough = 1 + affordable(rounds(&plainly), price.saturating_sub(1));
     Err(Error::bad_config(format!(
         "meta_train.rounds = {} gives learning a budget of {budget} environment steps, and the first step of {method} \
          takes {price}; meta_train.rounds must be at least {enough}",

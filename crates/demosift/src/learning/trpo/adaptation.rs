@@ -95,7 +95,7 @@ impl<T: Real> Adaptation<'_, T> {
             product.iter_mut().zip(direction).for_each(|(product, v)| *product = damping * *v);
             for (part, tape) in self.parts.iter().zip(&mut tapes) {
                 let Part { network, parameters, observations, weight, .. } = part;
-                let found = fisher_vector_product(network, parameters, (observations, tape), direction);
+                let found = fisher_vector_product(network, parameters, observations, tape, direction);
                 let weight = T::from_f64(*weight);
                 product.iter_mut().zip(&found).for_each(|(product, value)| *product += weight * *value);
             }

@@ -92,7 +92,7 @@ struct Look<'a> {
 impl Look<'_> {
     fn at(&self, part: Part, policy: &Policy, scored: Score) -> Result<Option<Shown>> {
         let Self { playground, judging, variant, evaluation, seed } = *self;
-        let (played, seed) = judge::replay(playground, policy, judging, (variant, evaluation), seed)?;
+        let (played, seed) = judge::replay(playground, policy, judging, variant, evaluation, seed)?;
         let score = playground.score(&played);
         if score != scored {
             return Err(Error::bad_input(format!(

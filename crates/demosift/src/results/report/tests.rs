@@ -189,9 +189,7 @@ fn an_evaluation_is_played_again_to_the_bit_and_a_changed_one_is_refused() {
     for (of, adapted) in judged.scores.suitabilities.iter().zip(&judged.adapted) {
         for evaluation in 0..3 {
             let again = |policy| {
-                judge::replay(&playground, policy, &judging, (of.variant, evaluation), &seed)
-                    .expect("played")
-                    .0
+                judge::replay(&playground, policy, &judging, of.variant, evaluation, &seed).expect("played").0
             };
             assert_eq!(playground.score(&again(&prior.policy)), of.before[0][evaluation]);
             assert_eq!(playground.score(&again(&adapted.policy)), of.after[0][evaluation]);

@@ -9,7 +9,7 @@ use crate::learning::adapt::{InnerUpdate, Learner, MetaPrior, Rule};
 use crate::results::artifact::Artifact;
 use crate::results::panel::{self, Found, Judge, Judges, Opinion, Panel};
 use crate::stages::judge::{self, Judged, Judging, JudgingState, ScoreTable, Start, Trial};
-use crate::stages::meta_train::{self, MetaState, MetaTraining, MutualInformation};
+use crate::stages::meta_train::{self, Learning, MetaState, MetaTraining, MutualInformation};
 use crate::stages::method::{self, Asked, Method, Plan};
 use crate::stages::pre_train::{self, PreTrainState, PreTraining};
 use crate::world::environment::EnvVariant;
@@ -28,8 +28,9 @@ pub fn check_budget(set: &DemonstrationSet, playground: &Playground<'_>, config:
 }
 
 fn asked(config: &Config) -> Asked<'_> {
-    let Config { meta_train, inner, mutual_information, judge, .. } = config;
-    Asked { training: meta_train, inner, information: mutual_information, judging: judge }
+    let Config { meta_train: training, inner, mutual_information, judge: judging, .. } = config;
+    let learning = Learning { training, inner, information: Some(mutual_information) };
+    Asked { learning, judging }
 }
 
 pub(crate) fn learning_seed(config: &Config) -> Seed {
@@ -39,6 +40,11 @@ pub(crate) fn learning_seed(config: &Config) -> Seed {
 /// Mutual information, where the method has any.
 pub(crate) fn information(config: &Config) -> Option<&MutualInformation> {
     (config.method == Method::MamlMi).then_some(&config.mutual_information)
+}
+
+/// What the run's method learns with.
+pub(crate) fn learning(config: &Config) -> Learning<'_> {
+    Learning { training: &config.meta_train, inner: &config.inner, information: information(config) }
 }
 
 /// DemonstrationSet → MetaPrior, by the run's method.
@@ -66,10 +72,9 @@ fn meta_trained(run: &mut Run<'_>, untrained: Learner, seed: &Seed) -> Result<Me
     let training = MetaTraining { rounds: plan(run).updates, ..run.config.meta_train.clone() };
     let Run { set, playground, config, ledger, observer } = run;
     let start = || Ok(MetaState::from_prior(set, untrained, information(config), &seed.of("start")));
-    let (state, mut keeping) =
-        Keeping::begin((*ledger, *observer), playground, meta_train::STAGE, "", start)?;
-    let learning = (&training, &config.inner, &config.mutual_information);
-    let prior = meta_train::meta_train(set, playground, learning, state, seed, &mut keeping)?.prior;
+    let (state, mut keeping) = Keeping::begin(*ledger, *observer, playground, meta_train::STAGE, "", start)?;
+    let learning = Learning { training: &training, ..learning(config) };
+    let prior = meta_train::meta_train(set, playground, &learning, state, seed, &mut keeping)?.prior;
     keeping.finish("", &prior)?;
     Ok(prior)
 }
@@ -79,7 +84,7 @@ fn pre_trained(run: &mut Run<'_>, untrained: Learner, seed: &Seed) -> Result<Met
     let updates = plan(run).updates;
     let Run { set, playground, config, ledger, observer } = run;
     let start = || Ok(PreTrainState::start(untrained, &config.inner));
-    let (state, mut keeping) = Keeping::begin((*ledger, *observer), playground, pre_train::STAGE, "", start)?;
+    let (state, mut keeping) = Keeping::begin(*ledger, *observer, playground, pre_train::STAGE, "", start)?;
     let checkpoint_every = config.meta_train.checkpoint_every;
     let training = PreTraining { updates, inner: &config.inner, checkpoint_every };
     let prior = pre_train::pre_train(set, playground, training, state, seed, &mut keeping)?;
@@ -150,8 +155,7 @@ fn judged(run: &mut Run<'_>, judge: Judge, start: Start<'_>, inner: &InnerUpdate
     let (cut, part, seed) = (cut(run), judge.name(), judging_seed(run.config, judge));
     let Run { set, playground, ledger, observer, .. } = run;
     let anew = || Ok(JudgingState::default());
-    let (mut state, mut keeping) =
-        Keeping::begin((*ledger, *observer), playground, judge::STAGE, part, anew)?;
+    let (mut state, mut keeping) = Keeping::begin(*ledger, *observer, playground, judge::STAGE, part, anew)?;
     let trial = Trial { set, playground, start, inner, judging, cut, part, seed: &seed };
     let judged = judge::judge(&trial, &mut state, &mut keeping)?;
     keeping.finish_having(state.played(), part, &judged)?;

@@ -53,7 +53,8 @@ pub(crate) fn begun<State: serde::de::DeserializeOwned>(
 impl<'a> Keeping<'a> {
     /// The state of a stage: that of its last checkpoint, or a new one.
     pub fn begin<State: Snapshot + serde::de::DeserializeOwned>(
-        (ledger, observer): (&'a mut dyn Ledger, &'a mut dyn Observer),
+        ledger: &'a mut dyn Ledger,
+        observer: &'a mut dyn Observer,
         playground: &'a Playground<'a>,
         stage: &str,
         part: &str,

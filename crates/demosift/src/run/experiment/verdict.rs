@@ -13,7 +13,7 @@ use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::learning::adapt::Rule;
 use crate::results::artifact::{self, Artifact, onnx};
-use crate::stages::imitate::{self, ImitationState, LearningCurve};
+use crate::stages::imitate::{self, ImitationState, LearningCurve, Lesson};
 use crate::stages::method::Spent;
 use crate::stages::referee::{
     self, Candidate, Contest, Meant, NamedSubset, STAGE, Training, Unit, Verdict, imitation_by, imitator_name,
@@ -174,9 +174,9 @@ fn train(ground: Ground<'_>, unit: Unit, shared: &Mutex<Shared<'_>>) -> Result<L
         return Ok(curve);
     }
     let imitation = imitation_by(unit.imitator, &config.imitate);
-    let start = ImitationState::start((set, &demos), &config.policy, &imitation, &seed.of("start"));
-    let curve = imitate::imitate(set, playground, &imitation, start, &seed, (&part, &mut Silent))
-        .map_err(|error| error.during(&part))?;
+    let start = ImitationState::start(set, &demos, &config.policy, &imitation, &seed.of("start"));
+    let lesson = Lesson { set, playground, imitation: &imitation, part: &part, seed: &seed };
+    let curve = imitate::imitate(&lesson, start, &mut Silent).map_err(|error| error.during(&part))?;
     let mut shared = lock(shared);
     curve.keep(shared.ledger, &part)?;
     *shared.done += imitate::steps(playground.specification(), &imitation) as usize;

@@ -14,7 +14,7 @@ use crate::run::experiment::{self, Run, Selection, begun, stage_name};
 use crate::stages::demonstrator::{self, DemonstratorState, Stage};
 use crate::stages::imitate::{self, ImitationState, LearningCurve};
 use crate::stages::judge::{self, Cost, Judged, JudgingState};
-use crate::stages::meta_train::{self, MetaState, MetaTraining};
+use crate::stages::meta_train::{self, Learning, MetaState, MetaTraining};
 use crate::stages::method::Method;
 use crate::stages::pre_train::{self, PreTrainState};
 use crate::stages::referee::{self, DECISIVE, Meant, NamedSubset, imitation_by};
@@ -185,12 +185,12 @@ fn prior(run: &Run<'_>) -> Result<Option<Planned>> {
     match config.method {
         Method::FromScratch => Ok(None),
         Method::Maml | Method::MamlMi => {
-            let learning = (&config.meta_train, &config.inner, experiment::information(config));
+            let learning = experiment::learning(config);
             let seed = experiment::learning_seed(config);
             let (spent, done) = begun(run.ledger, meta_train::STAGE, "", |state: &MetaState| state.rounds)?;
             let whole = Whole {
                 stage: meta_train::STAGE.to_owned(),
-                environment_steps: meta_train::steps_by_round(run.set, run.playground, learning, &seed)
+                environment_steps: meta_train::steps_by_round(run.set, run.playground, &learning, &seed)
                     .take(updates)
                     .sum(),
                 updates: updates as u64,
@@ -282,11 +282,11 @@ fn weighing(run: &Run<'_>) -> Result<Option<Planned>> {
     }
     let (how, meta_batch) = (&run.config.subset_selection, run.set.len());
     let training = MetaTraining { meta_batch, ..run.config.meta_train.clone() };
-    let learning = (&training, &run.config.inner, experiment::information(run.config));
+    let learning = Learning { training: &training, ..experiment::learning(run.config) };
     let seed = subset_selection::fine_tuning_seed(&experiment::weighing_seed(run.config));
     let meta_updates = how.rounds * how.meta_updates;
     let learned: u64 =
-        meta_train::steps_by_round(run.set, run.playground, learning, &seed).take(meta_updates).sum();
+        meta_train::steps_by_round(run.set, run.playground, &learning, &seed).take(meta_updates).sum();
     let judging = subset_selection::assessing(how, &run.config.judge);
     let cost = Cost { judging: &judging, inner: &run.config.inner, starts_anew: false };
     let assessed = judged(run, Judge::Paper, &cost).whole;

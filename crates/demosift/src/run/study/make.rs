@@ -10,7 +10,7 @@ use crate::learning::adapt::Rule;
 use crate::math::statistics;
 use crate::results::panel::{Judge, Judges};
 use crate::run::experiment::{self, Config, Run};
-use crate::stages::imitate::{self, CurvePoint, ImitationState};
+use crate::stages::imitate::{self, CurvePoint, ImitationState, Lesson};
 use crate::stages::judge::{self, Suitability};
 use crate::stages::referee::imitation_by;
 use crate::world::environment::Task;
@@ -86,8 +86,10 @@ pub fn training(
     let seed = Seed::new(seed).of("imitate");
     let mut passed = Passed::from_now(&playground, clock);
     let policy = &means.config.policy;
-    let start = ImitationState::start((means.set, demos), policy, &imitation, &seed.of("start"));
-    let curve = imitate::imitate(means.set, &playground, &imitation, start, &seed, ("", &mut Silent))?;
+    let start = ImitationState::start(means.set, demos, policy, &imitation, &seed.of("start"));
+    let lesson =
+        Lesson { set: means.set, playground: &playground, imitation: &imitation, part: "", seed: &seed };
+    let curve = imitate::imitate(&lesson, start, &mut Silent)?;
     Ok(TrainingResult {
         end: outcome(&curve.end)?,
         chosen: outcome(&curve.outcome)?,
