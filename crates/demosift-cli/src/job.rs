@@ -68,7 +68,9 @@ impl Job {
         let Demonstrations { set, path, .. } = demonstrations;
         let mut values = plan.values.clone();
         if let Some(keep) = arguments.keep {
-            check_keep(keep, &set)?;
+            if let Some(wanted) = keep.misfit(set.len()) {
+                return Err(Error::bad_config(format!("--keep {keep}: {wanted}")));
+            }
             let layer = Table::from_iter([("keep".to_owned(), toml::Value::String(keep.to_string()))]);
             configuration::apply(&mut values, &Layer { source: "--keep".to_owned(), values: layer })?;
         }
@@ -335,15 +337,4 @@ pub(crate) fn use_threads(count: Option<usize>) -> Result<()> {
         .num_threads(count)
         .build_global()
         .map_err(|error| Error::bad_config(format!("--threads {count}: {error}")))
-}
-
-fn check_keep(keep: Keep, set: &DemonstrationSet) -> Result<()> {
-    match keep {
-        Keep::Count(count) if !(1..=set.len()).contains(&count) => Err(Error::bad_config(format!(
-            "--keep {count}: must be from 1 to the {} demonstrations there are, {}",
-            set.len(),
-            Keep::WORDS
-        ))),
-        _ => Ok(()),
-    }
 }

@@ -1,7 +1,9 @@
 //! The whole flow on the point mass: good demonstrations come first, whatever the order, the threads and the kills.
 #![allow(clippy::unwrap_used)]
 
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+mod fixtures;
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use demosift::basics::ledger::{InMemory, Ledger};
 use demosift::basics::observer::{Event, Observer, Silent};
@@ -27,6 +29,8 @@ use demosift::world::environment::{EnvVariant, Task};
 use demosift::world::point_mass::{PointMass, planted_set};
 use demosift::world::policy::PolicyShape;
 use demosift::world::rollout::Playground;
+
+use fixtures::Killed;
 
 /// Small enough for a test, large enough to rank.
 fn small(seed: u64) -> Config {
@@ -284,32 +288,6 @@ fn is_kept(event: &Event<'_>) -> bool {
     matches!(event, Event::Checkpoint { .. } | Event::Advanced { stage: referee::STAGE, .. })
 }
 
-/// Kills the process, as far as a test can, at a checkpoint.
-struct KilledAt {
-    checkpoints_left: usize,
-}
-
-impl Observer for KilledAt {
-    fn on(&mut self, event: Event<'_>) {
-        if is_kept(&event) && self.checkpoints_left > 0 {
-            self.checkpoints_left -= 1;
-            if self.checkpoints_left == 0 {
-                resume_unwind(Box::new("killed"));
-            }
-        }
-    }
-}
-
-/// Counts the checkpoints of a whole run.
-#[derive(Default)]
-struct Count(usize);
-
-impl Observer for Count {
-    fn on(&mut self, event: Event<'_>) {
-        self.0 += usize::from(is_kept(&event));
-    }
-}
-
 fn brief(seed: u64) -> Config {
     let mut config = small(seed);
     config.meta_train.rounds = 5;
@@ -379,16 +357,16 @@ fn a_run_killed_at_any_checkpoint_goes_on_to_the_same_bytes() {
 }
 
 fn goes_on_to_the_same_bytes(config: &Config) {
-    let (mut whole, mut count) = (InMemory::default(), Count::default());
+    let (mut whole, mut count) = (InMemory::default(), Killed::never(is_kept));
     let sifted = sift(config, &mut whole, &mut count);
     assert!(
-        count.0 >= 13,
+        count.seen >= 13,
         "meta-training and judging have checkpoints, and the referee eleven trainings: {}",
-        count.0
+        count.seen
     );
-    for kill in 1..=count.0 {
+    for kill in 1..=count.seen {
         let mut ledger = InMemory::default();
-        let mut killed = KilledAt { checkpoints_left: kill };
+        let mut killed = Killed::at(kill, is_kept);
         catch_unwind(AssertUnwindSafe(|| sift(config, &mut ledger, &mut killed))).expect_err("killed");
         assert_eq!(sift(config, &mut ledger, &mut Silent), sifted, "killed at checkpoint {kill}");
         assert_eq!(nouns(&ledger), nouns(&whole), "killed at checkpoint {kill}");
@@ -400,9 +378,9 @@ fn nothing_is_made_twice_and_no_checkpoint_is_left() {
     let mut ledger = InMemory::default();
     let sifted = sift(&brief(4), &mut ledger, &mut Silent);
     assert!(!format!("{ledger:?}").contains("checkpoint"));
-    let mut again = Count::default();
+    let mut again = Killed::never(is_kept);
     assert_eq!(sift(&brief(4), &mut ledger, &mut again), sifted);
-    assert_eq!(again.0, 0, "everything was recalled");
+    assert_eq!(again.seen, 0, "everything was recalled");
 }
 
 #[test]
@@ -416,7 +394,7 @@ fn a_checkpoint_of_other_demonstrations_is_not_gone_on_with() {
     };
     let fresh = curve(&mut InMemory::default(), &mut Silent, 2);
     let mut ledger = InMemory::default();
-    let mut killed = KilledAt { checkpoints_left: 1 };
+    let mut killed = Killed::at(1, is_kept);
     catch_unwind(AssertUnwindSafe(|| curve(&mut ledger, &mut killed, 0))).expect_err("killed");
     assert_eq!(curve(&mut ledger, &mut Silent, 2), fresh);
 }
@@ -507,7 +485,7 @@ fn a_demonstrator_killed_at_a_checkpoint_goes_on_to_the_same_stages() {
     let whole = train(&mut InMemory::default(), &mut Silent, 1);
     for kill in [1, 2] {
         let mut ledger = InMemory::default();
-        let mut killed = KilledAt { checkpoints_left: kill };
+        let mut killed = Killed::at(kill, is_kept);
         catch_unwind(AssertUnwindSafe(|| train(&mut ledger, &mut killed, 1))).expect_err("killed");
         assert_eq!(train(&mut ledger, &mut Silent, 1), whole);
     }

@@ -254,7 +254,7 @@ pub fn report(sources: &Sources<'_>) -> Result<Report> {
     let scores = judged(ledger, panel.decides)?.scores;
     let subset = Subset::recall(ledger, "")?;
     let kept = subset.as_ref().map_or(&[][..], |subset| &subset.demos);
-    let k = if kept.is_empty() { set.len().div_ceil(4) } else { kept.len() };
+    let k = if kept.is_empty() { select::quarter(set.len()) } else { kept.len() };
     let specification = task.specification();
     let before: Vec<Score> = ranking.entries.iter().map(|entry| entry.before).collect();
     Ok(Report {

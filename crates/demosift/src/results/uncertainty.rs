@@ -29,7 +29,6 @@ use crate::basics::seed::{Rng, Seed};
 use crate::data::demonstration::DemoId;
 use crate::math::statistics::{Moderation, mean, mean_at, mean_of, quantile, resample, squared_deviations};
 use crate::stages::judge::{ScoreTable, Suitability};
-use crate::world::environment::EnvVariant;
 use crate::world::heuristic::Score;
 
 /// How the judgment is drawn again; nothing of it is in the paper.
@@ -221,26 +220,20 @@ struct UnderVariant {
 
 /// The table by demonstration, in an order that does not depend on ids, with the numbers of repeats and evaluations.
 fn judged(table: &ScoreTable) -> Result<(Vec<Judged>, usize, usize)> {
-    let suitabilities = &table.suitabilities;
-    let first = suitabilities.first().ok_or_else(|| Error::bad_input("the score table is empty"))?;
-    let repeats = suitabilities.iter().map(|of| of.after.len()).min().unwrap_or(0);
+    let first = table.suitabilities.first().ok_or_else(|| Error::bad_input("the score table is empty"))?;
+    let repeats = table.repeats();
     let evaluations = first.before.first().map_or(0, Vec::len);
     if repeats == 0 || evaluations == 0 {
         return Err(Error::bad_input(
             "the score table holds no scores; at least 1 repeat and 1 evaluation are needed",
         ));
     }
-    let mut demos: Vec<DemoId> = suitabilities.iter().map(|suitability| suitability.demo).collect();
-    let mut variants: Vec<EnvVariant> = suitabilities.iter().map(|suitability| suitability.variant).collect();
-    demos.sort_unstable();
-    demos.dedup();
-    variants.sort_unstable();
-    variants.dedup();
+    let (demos, variants) = (table.demos(), table.variants());
     let mut judged = Vec::with_capacity(demos.len());
     for demo in demos {
         let mut of_demo = Vec::with_capacity(variants.len());
         for &variant in &variants {
-            let mut found = suitabilities.iter().filter(|s| s.demo == demo && s.variant == variant);
+            let mut found = table.of_demo(demo).filter(|s| s.variant == variant);
             let (Some(one), None) = (found.next(), found.next()) else {
                 return Err(Error::bad_input(format!(
                     "the score table must hold demonstration {demo} under variant {} exactly once",

@@ -9,7 +9,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::basics::error::{Error, Result};
-use crate::basics::observer::{Event, Observer};
+use crate::basics::observer::{Event, Observer, is_due, times_due};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::data::trajectory::Trajectory;
@@ -163,25 +163,36 @@ impl ImitationState {
     }
 }
 
-/// Updates that an imitation makes, where episodes last to the horizon.
-pub fn updates(task: &Specification, imitation: &Imitation) -> usize {
-    match imitation.update.imitation {
-        Rule::Gail => {
-            imitation.environment_steps.div_ceil(imitation.update.episodes(task.horizon) * task.horizon)
-        }
-        Rule::BehavioralCloning => imitation.cloning_updates,
-    }
+/// What an imitation takes, where episodes last to the horizon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Effort {
+    /// Updates.
+    pub updates: usize,
+    /// Environment steps that learning plays.
+    pub learning_steps: u64,
+    /// Environment steps that evaluating plays.
+    pub evaluating_steps: u64,
 }
 
-/// Environment steps that an imitation takes, evaluations among them, where episodes last to the horizon.
-pub fn steps(task: &Specification, imitation: &Imitation) -> u64 {
-    let updates = updates(task, imitation);
-    // Besides those on the way one at the end, and of the best and the last policy one each on other episodes; both are
-    // played even where they are the same policy, so that this count is exact.
-    let evaluations = updates.div_ceil(imitation.evaluate_every.max(1)) + 3;
-    let evaluating = evaluations * imitation.evaluations * task.variants.len();
-    let learning = updates * imitation.update.episodes(task.horizon);
-    ((learning + evaluating) * task.horizon) as u64
+impl Effort {
+    /// One imitation in a task.
+    pub fn of(task: &Specification, imitation: &Imitation) -> Self {
+        let batch = imitation.update.episodes(task.horizon) * task.horizon;
+        let updates = match imitation.update.imitation {
+            Rule::Gail => imitation.environment_steps.div_ceil(batch),
+            Rule::BehavioralCloning => imitation.cloning_updates,
+        };
+        // Besides those on the way one at the end, and of the best and the last policy one each on other episodes; both are
+        // played even where they are the same policy, so that this count is exact.
+        let evaluations = times_due(updates, imitation.evaluate_every) + 3;
+        let evaluating = evaluations * imitation.evaluations * task.variants.len() * task.horizon;
+        Self { updates, learning_steps: (updates * batch) as u64, evaluating_steps: evaluating as u64 }
+    }
+
+    /// Environment steps in all.
+    pub fn steps(&self) -> u64 {
+        self.learning_steps + self.evaluating_steps
+    }
 }
 
 /// Imitates the demonstrations that `state` is about from scratch.
@@ -237,13 +248,13 @@ pub fn imitate(
     let (done, total) = state.progress(imitation);
     observer.on(Event::Started { stage: STAGE, done, total });
     while state.progress(imitation).0 < total {
-        if state.updates.is_multiple_of(imitation.evaluate_every.max(1)) {
+        if is_due(state.updates, imitation.evaluate_every) {
             evaluate(lesson, &mut state, observer)?;
         }
         improve(lesson, &mut state, &demonstrated, observer)
             .map_err(|error| error.during(&format!("imitation, update {}", state.updates)))?;
         observer.on(Event::Advanced { stage: STAGE, done: state.progress(imitation).0 });
-        if state.updates.is_multiple_of(imitation.checkpoint_every.max(1)) {
+        if is_due(state.updates, imitation.checkpoint_every) {
             observer.on(Event::Checkpoint { stage: STAGE, part, state: &state });
         }
     }

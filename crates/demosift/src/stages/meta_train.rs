@@ -37,7 +37,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::basics::error::{Error, Result};
-use crate::basics::observer::{Event, Observer};
+use crate::basics::observer::{Event, Observer, is_due};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemonstrationSet;
 use crate::data::weights::Weights;
@@ -192,7 +192,7 @@ pub fn meta_train(
         state.rounds += 1;
         state.environment_steps += played.environment_steps as u64;
         report(&state, &played, updated, observer);
-        if state.rounds.is_multiple_of(training.checkpoint_every.max(1)) {
+        if is_due(state.rounds, training.checkpoint_every) {
             observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &state });
         }
     }

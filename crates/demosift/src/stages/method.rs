@@ -26,7 +26,7 @@ use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemonstrationSet;
 use crate::learning::adapt::Rule;
-use crate::stages::judge::{self, Cost, Judging};
+use crate::stages::judge::{Effort, Judging};
 use crate::stages::meta_train::{self, Learning};
 use crate::stages::pre_train;
 use crate::world::rollout::Playground;
@@ -116,8 +116,9 @@ fn plan_by_steps(
     let Asked { learning, judging } = *asked;
     let Learning { training, inner, .. } = learning;
     let plainly = learning.plain();
-    let cost = |judging| Cost { judging, inner, starts_anew: false };
-    let judged = judge::steps(set.len(), playground.specification(), &cost(judging));
+    let judged_by =
+        |judging| Effort::of(set.len(), playground.specification(), judging, inner, false).steps();
+    let judged = judged_by(judging);
     let rounds = |how| meta_train::steps_by_round(set, playground, how, seed);
     let learned: u64 = rounds(&plainly).take(training.rounds).sum();
     let plain = Plan { quota: learned + judged, updates: training.rounds, iterations: judging.iterations };
@@ -130,7 +131,7 @@ fn plan_by_steps(
         }
         Method::FromScratch => {
             let longer = Judging { iterations: judging.iterations + 1, ..judging.clone() };
-            let iteration = judge::steps(set.len(), playground.specification(), &cost(&longer)) - judged;
+            let iteration = judged_by(&longer) - judged;
             let iterations = judging.iterations + (learned / iteration) as usize;
             Plan { updates: 0, iterations, ..plain }
         }
@@ -165,8 +166,8 @@ fn plan_by_updates(
         }
     };
     let judging = Judging { iterations, ..judging.clone() };
-    let cost = Cost { judging: &judging, inner, starts_anew: false };
-    Plan { quota: learned + judge::steps(set.len(), task, &cost), updates, iterations }
+    let judged = Effort::of(set.len(), task, &judging, inner, false).steps();
+    Plan { quota: learned + judged, updates, iterations }
 }
 
 /// Whether the budget pays for any learning, where some is asked for.

@@ -9,7 +9,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::basics::error::Result;
-use crate::basics::observer::{Event, Observer};
+use crate::basics::observer::{Event, Observer, is_due};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemonstrationSet;
 use crate::learning::adapt::{self, InnerUpdate, MetaPrior, Played, Updated};
@@ -59,7 +59,7 @@ pub fn pre_train(
         improve(&mut state, &demonstrated, playground, training.inner, seed, observer)
             .map_err(|error| error.during(&format!("pre-training, update {}", state.updates)))?;
         observer.on(Event::Advanced { stage: STAGE, done: state.updates });
-        if state.updates.is_multiple_of(training.checkpoint_every.max(1)) {
+        if is_due(state.updates, training.checkpoint_every) {
             observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &state });
         }
     }

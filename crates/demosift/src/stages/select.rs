@@ -58,9 +58,22 @@ impl Keep {
     pub fn count_before_judging(self, demonstrations: usize) -> usize {
         match self {
             Self::Count(count) => count,
-            Self::Quarter | Self::Auto | Self::Weights => demonstrations.div_ceil(4),
+            Self::Quarter | Self::Auto | Self::Weights => quarter(demonstrations),
         }
     }
+
+    /// What is wrong with it for a set of so many, if anything: what it must be instead.
+    pub fn misfit(self, demonstrations: usize) -> Option<String> {
+        let is_wrong = matches!(self, Self::Count(count) if !(1..=demonstrations).contains(&count));
+        is_wrong.then(|| {
+            format!("must be from 1 to the {demonstrations} demonstrations there are, {}", Self::WORDS)
+        })
+    }
+}
+
+/// A quarter of so many demonstrations, rounded up.
+pub fn quarter(demonstrations: usize) -> usize {
+    demonstrations.div_ceil(4)
 }
 
 impl std::fmt::Display for Keep {
@@ -116,17 +129,14 @@ pub fn rank_under(table: &ScoreTable, variant: EnvVariant) -> Ranking {
 }
 
 fn rank_where(table: &ScoreTable, counts: impl Fn(EnvVariant) -> bool) -> Ranking {
-    let mut demos: Vec<DemoId> = table.suitabilities.iter().map(|suitability| suitability.demo).collect();
-    demos.sort_unstable();
-    demos.dedup();
-    let mut entries: Vec<Ranked> = demos.into_iter().filter_map(|demo| entry(table, demo, &counts)).collect();
+    let mut entries: Vec<Ranked> =
+        table.demos().into_iter().filter_map(|demo| entry(table, demo, &counts)).collect();
     entries.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.demo.cmp(&b.demo)));
     Ranking { entries }
 }
 
 fn entry(table: &ScoreTable, demo: DemoId, counts: &impl Fn(EnvVariant) -> bool) -> Option<Ranked> {
-    let of_demo: Vec<_> =
-        table.suitabilities.iter().filter(|s| s.demo == demo && counts(s.variant)).collect();
+    let of_demo: Vec<_> = table.of_demo(demo).filter(|s| counts(s.variant)).collect();
     (!of_demo.is_empty()).then(|| Ranked {
         demo,
         before: mean_of(of_demo.iter().map(|s| s.mean_before())),
@@ -172,11 +182,8 @@ fn entry(table: &ScoreTable, demo: DemoId, counts: &impl Fn(EnvVariant) -> bool)
 /// # Ok::<(), demosift::Error>(())
 /// ```
 pub fn top_k(ranking: &Ranking, k: usize) -> Result<Subset> {
-    let count = ranking.entries.len();
-    if k == 0 || k > count {
-        return Err(Error::bad_config(format!(
-            "keep = {k}, and must be from 1 to the {count} demonstrations there are"
-        )));
+    if let Some(wanted) = Keep::Count(k).misfit(ranking.entries.len()) {
+        return Err(Error::bad_config(format!("keep = {k}, and {wanted}")));
     }
     Ok(Subset { demos: ranking.entries.iter().take(k).map(|entry| entry.demo).collect() })
 }

@@ -314,8 +314,7 @@ fn kept(weights: &Weights, how: &SubsetSelection) -> Vec<DemoId> {
 
 fn weighed(table: &ScoreTable, deltas: Vec<f64>, weights: &Weights) -> Weighed {
     let mean = |value: &dyn Fn(&Suitability) -> Score, demo: usize| {
-        let of_demo = table.suitabilities.iter().filter(|one| one.demo.0 == demo);
-        let values: Vec<Score> = of_demo.map(value).collect();
+        let values: Vec<Score> = table.of_demo(DemoId(demo)).map(value).collect();
         statistics::mean(&values)
     };
     Weighed {

@@ -71,7 +71,7 @@ pub fn agent_episodes(
 /// Which of the M evaluation seeds shows the mean scores best under a variant: the one where the first repeats' scores are,
 /// in all, the least away from their means; the first of those alike.
 pub fn typical_evaluation(scores: &ScoreTable, variant: EnvVariant) -> usize {
-    let under: Vec<_> = scores.suitabilities.iter().filter(|of| of.variant == variant).collect();
+    let under: Vec<_> = scores.of_variant(variant).collect();
     let evaluations = under.first().and_then(|of| of.before.first()).map_or(0, Vec::len);
     let away = |evaluation: usize| -> f64 {
         let before = under.first().map_or(0.0, |of| (of.before[0][evaluation] - of.mean_before()).abs());

@@ -1,5 +1,6 @@
 use super::*;
 use crate::stages::select;
+use crate::world::environment::EnvVariant;
 use rand_distr::StandardNormal;
 
 /// A table of one variant: `after[demonstration][repeat][evaluation]`, nothing scored before.

@@ -13,7 +13,7 @@ use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::learning::adapt::Rule;
 use crate::results::artifact::{self, Artifact, onnx};
-use crate::stages::imitate::{self, ImitationState, LearningCurve, Lesson};
+use crate::stages::imitate::{self, Effort, ImitationState, LearningCurve, Lesson};
 use crate::stages::method::Spent;
 use crate::stages::referee::{
     self, Candidate, Contest, Meant, NamedSubset, STAGE, Training, Unit, Verdict, imitation_by, imitator_name,
@@ -104,7 +104,7 @@ pub(crate) fn rest(run: &Run<'_>, candidates: &[Candidate]) -> Result<Vec<Meant>
 /// Environment steps of these trainings, where episodes last to the horizon.
 fn meant_steps(run: &Run<'_>, trainings: &[Meant]) -> usize {
     let task = run.playground.specification();
-    let steps = |meant: &Meant| imitate::steps(task, &imitation_by(meant.imitator, &run.config.imitate));
+    let steps = |meant: &Meant| Effort::of(task, &imitation_by(meant.imitator, &run.config.imitate)).steps();
     trainings.iter().map(steps).sum::<u64>() as usize
 }
 
@@ -179,7 +179,7 @@ fn train(ground: Ground<'_>, unit: Unit, shared: &Mutex<Shared<'_>>) -> Result<L
     let curve = imitate::imitate(&lesson, start, &mut Silent).map_err(|error| error.during(&part))?;
     let mut shared = lock(shared);
     curve.keep(shared.ledger, &part)?;
-    *shared.done += imitate::steps(playground.specification(), &imitation) as usize;
+    *shared.done += Effort::of(playground.specification(), &imitation).steps() as usize;
     let done = *shared.done;
     shared.observer.on(Event::Advanced { stage: STAGE, done });
     Ok(curve)

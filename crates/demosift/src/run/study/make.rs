@@ -11,7 +11,7 @@ use crate::math::statistics;
 use crate::results::panel::{Judge, Judges};
 use crate::run::experiment::{self, Config, Run};
 use crate::stages::imitate::{self, CurvePoint, ImitationState, Lesson};
-use crate::stages::judge::{self, Suitability};
+use crate::stages::judge::{Effort, Suitability};
 use crate::stages::referee::imitation_by;
 use crate::world::environment::Task;
 use crate::world::heuristic::Score;
@@ -112,8 +112,7 @@ pub fn planned_judging(means: &Means<'_>) -> u64 {
         Judge::Cloning => {
             let judging = &means.config.cloning_judge.judging;
             let inner = &experiment::cloning_update(means.config);
-            let how = judge::Cost { judging, inner, starts_anew: true };
-            judge::steps(means.set.len(), means.task.specification(), &how)
+            Effort::of(means.set.len(), means.task.specification(), judging, inner, true).steps()
         }
     };
     means.config.judges.each().iter().map(of).sum()
@@ -121,7 +120,7 @@ pub fn planned_judging(means: &Means<'_>) -> u64 {
 
 /// Environment steps that a training takes, where episodes last to the horizon.
 pub fn planned_training(means: &Means<'_>, imitator: Rule) -> u64 {
-    imitate::steps(means.task.specification(), &imitation_by(imitator, &means.config.imitate))
+    imitate::Effort::of(means.task.specification(), &imitation_by(imitator, &means.config.imitate)).steps()
 }
 
 fn outcome(point: &CurvePoint) -> Result<Outcome> {
