@@ -160,7 +160,7 @@ fn cloning_the_good_demonstration_from_scratch_beats_cloning_a_bad_one() {
         let playground = &Playground::new(&task);
         let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
         let run = &mut Run { set: &set, playground, config: &config, ledger, observer };
-        experiment::oracle(run, DemoId(demo), 0).unwrap()
+        experiment::oracle_curve(run, DemoId(demo), 0).unwrap()
     });
     assert!(good.outcome.score > bad.outcome.score + 0.5, "{:?} and {:?}", good.outcome, bad.outcome);
     assert!(good.outcome.score > -0.3, "{:?}", good.outcome);

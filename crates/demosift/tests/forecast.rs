@@ -248,7 +248,7 @@ fn the_oracle_and_named_demonstrations_are_counted_and_not_twice() {
     let run = &mut Run { set: &set, playground: &playground, config: &config, ledger, observer };
     let goal = Goal::Oracle { repeats: 2, random: 0 };
     let all = forecast::planned(run, goal).unwrap();
-    experiment::oracle(run, DemoId(1), 0).unwrap();
+    experiment::oracle_curve(run, DemoId(1), 0).unwrap();
     let one = playground.steps_taken();
     assert_eq!(all[0].environment_steps, 10 * one);
     assert_eq!(forecast::planned(run, goal).unwrap()[0].environment_steps, 9 * one);

@@ -407,7 +407,7 @@ fn imitating_the_good_demonstration_alone_beats_imitating_a_bad_one() {
         let playground = &Playground::new(&task);
         let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
         let run = &mut Run { set: &set, playground, config: &config, ledger, observer };
-        experiment::oracle(run, DemoId(demo), 0).unwrap()
+        experiment::oracle_curve(run, DemoId(demo), 0).unwrap()
     });
     let [good, bad] = &mut outcomes;
     assert!(good.end.score > bad.end.score + 0.3, "{:?} and {:?}", good.end, bad.end);

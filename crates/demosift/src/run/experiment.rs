@@ -44,6 +44,7 @@
 mod checks;
 mod judging;
 mod keeping;
+mod oracle;
 mod verdict;
 
 use serde::{Deserialize, Serialize};
@@ -76,6 +77,8 @@ pub use judging::{
 pub(crate) use judging::{cloning_update, information, learning, learning_seed};
 pub use keeping::Keeping;
 pub(crate) use keeping::{begun, stage_name};
+pub use oracle::{oracle, oracle_curve, policy_from_kept, random_subset};
+pub(crate) use oracle::{oracle_part, random_part};
 pub(crate) use verdict::rest as rest_of_verdict;
 pub use verdict::{BEST, verdict};
 
@@ -296,31 +299,6 @@ pub fn learning_curve(run: &mut Run<'_>, part: &str, demos: &[DemoId]) -> Result
     let mut demos = demos.to_vec();
     demos.sort_unstable();
     learning_curve_with(run, part, &demos, &seed)
-}
-
-/// The oracle (from scratch on one demonstration alone) with a seed of its own, which no other stage shares.
-pub fn oracle(run: &mut Run<'_>, demo: DemoId, repeat: usize) -> Result<LearningCurve> {
-    let seed = Seed::new(run.config.seed).of("oracle").at(repeat);
-    learning_curve_with(run, &oracle_part(demo, repeat), &[demo], &seed)
-}
-
-/// Under which name the oracle's imitations are kept.
-pub(crate) fn oracle_part(demo: DemoId, repeat: usize) -> String {
-    format!("oracle_{demo}_{repeat}")
-}
-
-/// From scratch on a random subset of so many demonstrations, with the random numbers of the kept one; `number` tells
-/// several apart.
-pub fn random_subset(run: &mut Run<'_>, size: usize, number: usize) -> Result<LearningCurve> {
-    use rand::seq::IndexedRandom;
-    let mut rng = Seed::new(run.config.seed).of("random_subset").at(number).into_rng();
-    let demos: Vec<DemoId> = run.set.ids().sample(&mut rng, size).copied().collect();
-    learning_curve(run, &random_part(number), &demos)
-}
-
-/// Under which name the imitations of random subsets are kept.
-pub(crate) fn random_part(number: usize) -> String {
-    format!("random_{number}")
 }
 
 fn learning_curve_with(
