@@ -1,28 +1,16 @@
 //! `demosift oracle`: each demonstration alone from scratch, what rankings are compared with.
 
-use std::path::Path;
-
 use demosift::results::oracle::{Agreement, Alone, HitRate, Oracle, Worth};
 use demosift::run::experiment;
 use demosift::run::forecast::Goal;
 use demosift::{Error, Result};
-use serde::Serialize;
 
 use super::{dry_run, kept_in};
+use crate::answers::OfRun;
 use crate::arguments::OracleArguments;
 use crate::job::{Job, Prior};
 use crate::tables::{self, Scale};
 use crate::terminal;
-
-/// What `--json` shows.
-#[derive(Serialize)]
-struct Said<'a> {
-    #[serde(flatten)]
-    oracle: &'a Oracle,
-    unit: &'a str,
-    variant: Option<&'a str>,
-    run_folder: &'a Path,
-}
 
 pub(crate) fn run(arguments: &OracleArguments) -> Result<()> {
     let OracleArguments { repeats, random, .. } = *arguments;
@@ -36,12 +24,7 @@ pub(crate) fn run(arguments: &OracleArguments) -> Result<()> {
     }
     let oracle = job.run(|run| experiment::oracle(run, repeats, random))?;
     if arguments.job.run.json {
-        terminal::show_json(&Said {
-            oracle: &oracle,
-            unit: job.unit(),
-            variant: job.variant(),
-            run_folder: job.folder().path(),
-        });
+        terminal::show_json(&OfRun::new(&job, &oracle));
         return Ok(());
     }
     let Oracle { alone, agreement, kept } = oracle;

@@ -17,11 +17,11 @@ use demosift::stages::demonstrator::{self, DemonstratorState, DemonstratorTraini
 use demosift::world::rollout::Playground;
 use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};
-use serde_json::json;
 use toml::{Table, Value};
 
 use self::source::{Guest, Source};
 use super::{dry_run, kept_in};
+use crate::answers;
 use crate::arguments::{RecordArguments, RunArguments};
 use crate::configuration;
 use crate::job::{self, Plan};
@@ -100,11 +100,8 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<()> {
             (None, _) => make(&plan, &recording, &mut folder)?,
         };
     if arguments.run.json {
-        let mut said = json!({ "provenance": provenance, "run_folder": folder.path() });
-        if let Some(unseen) = unseen {
-            said["unseen"] = json!(unseen.demonstrations);
-        }
-        terminal::show_json(&said);
+        let unseen = unseen.as_ref().map(|unseen| &unseen.demonstrations);
+        terminal::show_json(&answers::Record { provenance: &provenance, unseen, run_folder: folder.path() });
         return Ok(());
     }
     let unit = plan.chosen.task.heuristic().unit();

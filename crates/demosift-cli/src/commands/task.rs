@@ -10,8 +10,8 @@ use demosift::{Error, Result};
 use demosift_mujoco::check::{
     self, Actuator, Compared, Finding, Part, Played, Range, Recorded, Seen, Severity, StatesFrom,
 };
-use serde_json::json;
 
+use crate::answers;
 use crate::arguments::{SourceArguments, TaskCheckArguments, TaskCommand};
 use crate::tables::{self, Scale, table, wrapped};
 use crate::task::{self, Chosen};
@@ -56,13 +56,13 @@ fn check(arguments: &TaskCheckArguments) -> Result<()> {
     }
     findings.sort_by_key(|finding| finding.severity);
     if arguments.json {
-        terminal::show_json(&json!({
-            "task": seen,
-            "played": played,
-            "steps_per_sec": steps_per_sec,
-            "recorded": recorded,
-            "findings": findings,
-        }));
+        terminal::show_json(&answers::TaskCheck {
+            task: &seen,
+            played: &played,
+            steps_per_sec,
+            recorded: recorded.as_ref(),
+            findings: &findings,
+        });
     } else {
         terminal::show(&summary(&seen));
         terminal::show(&under_random_actions(&seen, &played, steps_per_sec));

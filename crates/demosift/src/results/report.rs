@@ -14,10 +14,9 @@ use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::learning::adapt::UpdateReport;
-use crate::math::agreement;
 use crate::math::statistics;
 use crate::results::artifact::Artifact;
-use crate::results::data_only::DataOnly;
+use crate::results::data_only::{Column, DataOnly};
 use crate::results::gain;
 use crate::results::gain::Gain;
 use crate::results::panel::{self, Disagreement, Judge, Panel, Vote};
@@ -44,8 +43,10 @@ pub struct Sources<'a> {
     pub keep: Keep,
     /// What the judges say.
     pub panel: &'a Panel,
-    /// What others say of the recordings.
-    pub opinions: &'a DataOnly,
+    /// What scorers of the recordings alone say.
+    pub data_only: &'a DataOnly,
+    /// What the recorded demonstrations themselves scored, where the simulator could tell.
+    pub own_heuristic: Option<&'a Column>,
     /// What was played.
     pub costs: &'a Costs,
 }
@@ -94,7 +95,9 @@ pub struct Report {
     /// One a judge, demonstration and variant, in the order of judging.
     pub curves: Vec<AdaptationCurve>,
     /// What the recordings alone say.
-    pub opinions: Vec<Opinion>,
+    pub data_only: Vec<ColumnShown>,
+    /// What the recorded demonstrations themselves scored, where the simulator could tell.
+    pub own_heuristic: Option<ColumnShown>,
     /// What the referee says, where it was asked.
     pub verdict: Option<Verdict>,
     /// The policy from the kept demonstrations beside the one from all, by one training each, where both were trained.
@@ -190,9 +193,9 @@ pub struct Band {
     pub high: f64,
 }
 
-/// What one scorer of the recordings says.
+/// A column of numbers beside the ranking.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Opinion {
+pub struct ColumnShown {
     /// The scorer.
     pub name: String,
     /// What its number is.
@@ -278,7 +281,8 @@ pub fn report(sources: &Sources<'_>) -> Result<Report> {
         top_set: uncertainty.top_set.get(k - 1).copied().unwrap_or(f64::NAN),
         adapted_behaviors_distance: scores.adapted_behaviors_distance(),
         curves: curves(sources)?,
-        opinions: opinions(ranking, sources.opinions),
+        data_only: sources.data_only.columns.iter().map(|column| beside(ranking, column)).collect(),
+        own_heuristic: sources.own_heuristic.map(|column| beside(ranking, column)),
         verdict: Verdict::recall(ledger, "")?,
         learning: learning(ledger, set)?,
         weights: Weighing::recall(ledger, "")?.map(trends),
@@ -383,15 +387,11 @@ fn bands(curves: &[Vec<UpdateReport>], number: impl Fn(&UpdateReport) -> Option<
     (0..updates).map_while(band).collect()
 }
 
-fn opinions(ranking: &Ranking, opinions: &DataOnly) -> Vec<Opinion> {
-    let gains: Vec<Score> = ranking.entries.iter().map(|entry| entry.score).collect();
-    let opinion = |column: &crate::results::data_only::Column| {
-        let scores: Vec<f64> = ranking.entries.iter().map(|entry| column.scores[entry.demo.0]).collect();
-        let spearman = Some(agreement::spearman(&gains, &scores)).filter(|value| value.is_finite());
-        let (name, meaning) = (column.name.clone(), column.meaning.clone());
-        Opinion { name, meaning, places: places(&scores), scores, spearman }
-    };
-    opinions.columns.iter().map(opinion).collect()
+/// A column in the order of the ranking.
+fn beside(ranking: &Ranking, column: &Column) -> ColumnShown {
+    let scores: Vec<f64> = ranking.entries.iter().map(|entry| column.scores[entry.demo.0]).collect();
+    let (name, meaning) = (column.name.clone(), column.meaning.clone());
+    ColumnShown { name, meaning, places: places(&scores), scores, spearman: column.agreement(ranking) }
 }
 
 /// The place of each from 1, the highest first; those alike share the mean of their places.

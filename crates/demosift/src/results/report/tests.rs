@@ -82,7 +82,8 @@ fn found(kept: Option<&[usize]>) -> Result<Report> {
         task: &PointMass::new(),
         keep: Keep::Quarter,
         panel: &panel(&[Found { judge: Judge::Cloning, scores: &table() }], 1, &Seed::new(2))?,
-        opinions: &DataOnly { columns: vec![column("right", [1.0, 9.0, 3.0]), column("alike", [2.0; 3])] },
+        own_heuristic: None,
+        data_only: &DataOnly { columns: vec![column("right", [1.0, 9.0, 3.0]), column("alike", [2.0; 3])] },
         costs: &Costs {
             method: Method::Maml,
             plan: Plan { quota: 100, updates: 1, iterations: 2 },
@@ -137,9 +138,9 @@ fn a_band_is_the_mean_and_the_range_of_the_repeats() {
 }
 
 #[test]
-fn opinions_have_places_and_an_agreement_where_they_tell_anything_apart() {
+fn columns_have_places_and_an_agreement_where_they_tell_anything_apart() {
     let report = found(None).expect("judged");
-    let [right, alike] = &report.opinions[..] else { panic!("two opinions") };
+    let [right, alike] = &report.data_only[..] else { panic!("two columns") };
     assert_eq!((&right.scores, &right.places), (&vec![9.0, 3.0, 1.0], &vec![1.0, 2.0, 3.0]));
     assert!((right.spearman.expect("they differ") - 1.0).abs() < 1e-12);
     assert_eq!((&alike.places, alike.spearman), (&vec![2.0; 3], None));
