@@ -21,7 +21,7 @@ use demosift::stages::referee::Verdict;
 use demosift::stages::select::{Ranked, Ranking};
 use demosift::stages::subset_selection::Weighing;
 use demosift::world::heuristic::Score;
-use demosift_mujoco::check::{Finding, Played, Recorded, Seen};
+use demosift_mujoco::check::{Finding, Recorded, Seen, Tried};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
@@ -214,7 +214,7 @@ impl Spending {
         let stages = costs.spent.iter().map(|(stage, spent)| (stage.clone(), spent.environment_steps));
         Self {
             method: costs.method,
-            quota: costs.plan.quota,
+            quota: costs.budget.quota,
             spent_of_quota: costs.of_quota(),
             environment_steps: stages.collect(),
         }
@@ -319,7 +319,7 @@ pub(crate) struct Exported<'a> {
 #[derive(Serialize)]
 pub(crate) struct TaskCheck<'a> {
     pub(crate) task: &'a Seen,
-    pub(crate) played: &'a Played,
+    pub(crate) played: &'a Tried,
     pub(crate) steps_per_sec: f64,
     pub(crate) recorded: Option<&'a Recorded>,
     pub(crate) findings: &'a [Finding],

@@ -60,7 +60,7 @@ impl Job {
         check: impl FnOnce(&DemonstrationSet, &Config) -> Result<()>,
     ) -> Result<Self> {
         use_threads(arguments.run.threads)?;
-        let plan = Plan::of(&arguments.run, arguments.variant.as_deref(), arguments.preset)?;
+        let plan = Request::of(&arguments.run, arguments.variant.as_deref(), arguments.preset)?;
         let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
         let demonstrations =
             demonstrations::open(arguments.demonstrations.as_deref(), &arguments.source, recorded)?;
@@ -215,7 +215,7 @@ impl Job {
 }
 
 /// What a run is about, before its data is read and its folder is touched.
-pub(crate) struct Plan {
+pub(crate) struct Request {
     pub(crate) chosen: Chosen,
     /// Of all layers but the options that a subcommand has for itself.
     pub(crate) values: Table,
@@ -223,7 +223,7 @@ pub(crate) struct Plan {
     out: PathBuf,
 }
 
-impl Plan {
+impl Request {
     pub(crate) fn of(
         arguments: &RunArguments,
         variant: Option<&str>,

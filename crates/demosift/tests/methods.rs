@@ -17,7 +17,7 @@ use demosift::run::experiment::{self, Config, Run};
 use demosift::run::preset::Preset;
 use demosift::stages::judge::Judging;
 use demosift::stages::meta_train::{MetaTraining, MutualInformation};
-use demosift::stages::method::{Method, Plan};
+use demosift::stages::method::{Budget, Method};
 use demosift::stages::select::{self, Keep};
 use demosift::stages::subset_selection::{SubsetSelection, Weighing};
 use demosift::world::environment::Task;
@@ -69,13 +69,13 @@ fn small(seed: u64, method: Method) -> Config {
 }
 
 /// Makes the prior and judges; what was planned, what the ledger says was spent on it, and what was really played.
-fn judged(set: &DemonstrationSet, task: &dyn Task, config: &Config) -> (Plan, u64, u64) {
+fn judged(set: &DemonstrationSet, task: &dyn Task, config: &Config) -> (Budget, u64, u64) {
     let playground = &Playground::new(task);
     let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
     let run = &mut Run { set, playground, config, ledger, observer };
     experiment::scores(run, Judge::Paper).unwrap();
     let costs = experiment::costs(run).unwrap();
-    (costs.plan, costs.of_quota(), playground.steps_taken())
+    (costs.budget, costs.of_quota(), playground.steps_taken())
 }
 
 /// Every method spends the quota, which is what plain MAML spends, but for less than one of its own steps.

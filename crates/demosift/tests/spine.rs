@@ -15,7 +15,7 @@ use demosift::learning::trpo::TrustRegion;
 use demosift::results::artifact::Artifact as _;
 use demosift::results::panel::{Judge, Judges};
 use demosift::results::recording;
-use demosift::run::experiment::{self, CloningJudge, Config, Keeping, Run, Sifted};
+use demosift::run::experiment::{self, Checkpointing, CloningJudge, Config, Run, Sifted};
 use demosift::run::preset::Preset;
 use demosift::stages::demonstrator::{self, DemonstratorState, DemonstratorTraining, Stage};
 use demosift::stages::imitate::Imitation;
@@ -190,7 +190,7 @@ fn scores_do_not_depend_on_the_order_of_the_demonstrations() {
         let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
         let mut run = Run { set, playground, config: &config, ledger, observer };
         if let Some(prior) = prior {
-            prior.keep(run.ledger, "").unwrap();
+            prior.store(run.ledger, "").unwrap();
         }
         let table = experiment::scores(&mut run, Judge::Paper).unwrap();
         (experiment::prior(&mut run).unwrap(), table)
@@ -461,9 +461,9 @@ fn train(ledger: &mut InMemory, observer: &mut dyn Observer, goals: usize) -> Ve
     let (task, training, seed) = (PointMass::with_goals(goals), training(), Seed::new(6));
     let playground = Playground::new(&task);
     let start = || DemonstratorState::start(&playground, &training, &seed);
-    let (state, mut keeping) =
-        Keeping::begin(ledger, observer, &playground, demonstrator::STAGE, "", start).unwrap();
-    demonstrator::train(&playground, &training, state, &seed, &mut keeping).unwrap()
+    let (state, mut checkpointing) =
+        Checkpointing::begin(ledger, observer, &playground, demonstrator::STAGE, "", start).unwrap();
+    demonstrator::train(&playground, &training, state, &seed, &mut checkpointing).unwrap()
 }
 
 #[test]

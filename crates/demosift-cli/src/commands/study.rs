@@ -174,7 +174,7 @@ impl Studied<'_> {
             found => found.map_err(|error| error.during(&work.name()))?,
         };
         let cell = Cell { work: work.clone(), found };
-        self.folder.keep(&cell, Fingerprint::of(work, self.set_of(work)))?;
+        self.folder.store(&cell, Fingerprint::of(work, self.set_of(work)))?;
         Ok(cell)
     }
 
@@ -223,7 +223,7 @@ impl Studied<'_> {
         let compact = compact::read(&bytes)?;
         let summary = summary::summarize(&compact.study, &compact.finished);
         if !arguments.table {
-            self.folder.keep_results(&bytes)?;
+            self.folder.store_results(&bytes)?;
         }
         if let Some(path) = &arguments.write {
             files::write_atomically(path, &bytes)?;

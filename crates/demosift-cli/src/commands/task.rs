@@ -8,7 +8,7 @@ use demosift::data::demonstration::{self, Demonstration};
 use demosift::data::trajectory::StateLog;
 use demosift::{Error, Result};
 use demosift_mujoco::check::{
-    self, Actuator, Compared, Finding, Part, Played, Range, Recorded, Seen, Severity, StatesFrom,
+    self, Actuator, Compared, Finding, Part, Range, Recorded, Seen, Severity, StatesFrom, Tried,
 };
 
 use crate::answers;
@@ -174,7 +174,7 @@ fn counted(names: &[String]) -> String {
     }
 }
 
-fn under_random_actions(seen: &Seen, played: &Played, steps_per_sec: f64) -> String {
+fn under_random_actions(seen: &Seen, played: &Tried, steps_per_sec: f64) -> String {
     let scale = Scale::of([played.scores.least, played.scores.greatest], &seen.unit);
     let success = played.success.map_or(String::new(), |share| {
         format!(", and {} of the episodes are a success", tables::percent(share))

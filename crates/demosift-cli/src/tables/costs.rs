@@ -22,7 +22,7 @@ pub(crate) fn played(costs: &Costs) -> String {
     let of_the_method = match costs.spent.iter().any(|(stage, _)| *stage == costs.judging) {
         true => format!(
             " Every method of the paper may spend {} on learning to imitate and judging; {} spent {} of them.",
-            costs.plan.quota,
+            costs.budget.quota,
             costs.method,
             costs.of_quota()
         ),

@@ -27,7 +27,7 @@ pub enum Event<'a> {
         /// Units of work finished.
         done: usize,
     },
-    /// Numbers worth keeping, one row a call.
+    /// Numbers worth storing, one row per call.
     Measured {
         /// The stage.
         stage: &'static str,

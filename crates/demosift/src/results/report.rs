@@ -29,7 +29,7 @@ use crate::stages::subset_selection::{Weighing, WeighingEnd};
 use crate::world::environment::{EnvVariant, Task};
 use crate::world::heuristic::Score;
 
-pub use shown::{Part, Shown, agent_episodes, typical_evaluation};
+pub use shown::{Moment, Shown, agent_episodes, typical_evaluation};
 
 /// What a report is made of.
 pub struct Sources<'a> {
@@ -105,7 +105,7 @@ pub struct Report {
     /// How the weights went (Algorithm 3), where they were asked for.
     pub weights: Option<WeightTrends>,
     /// What was played.
-    pub costs: Played,
+    pub costs: Spending,
 }
 
 /// A place of the ranking.
@@ -238,7 +238,7 @@ pub struct WeightTrends {
 
 /// Environment steps.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Played {
+pub struct Spending {
     /// What every method may spend on learning to imitate and on judging.
     pub quota: u64,
     /// What was spent of that.
@@ -286,7 +286,7 @@ pub fn report(sources: &Sources<'_>) -> Result<Report> {
         verdict: Verdict::recall(ledger, "")?,
         learning: learning(ledger, set)?,
         weights: Weighing::recall(ledger, "")?.map(trends),
-        costs: played(sources.costs),
+        costs: spending(sources.costs),
     })
 }
 
@@ -421,9 +421,9 @@ fn trends(weighing: Weighing) -> WeightTrends {
     WeightTrends { rounds: rounds.collect(), end: weighing.end, demos: weighing.demos }
 }
 
-fn played(costs: &Costs) -> Played {
+fn spending(costs: &Costs) -> Spending {
     let stages = costs.spent.iter().map(|(stage, spent)| (stage.clone(), spent.environment_steps));
-    Played { quota: costs.plan.quota, of_quota: costs.of_quota(), stages: stages.collect() }
+    Spending { quota: costs.budget.quota, of_quota: costs.of_quota(), stages: stages.collect() }
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The whole flow as one function: a noisy set goes in; a ranking, a subset and a better policy come out.
 //!
-//! Each arrow of the flow makes one noun, and a [`Ledger`] keeps the nouns: what a ledger already holds is not made
+//! Each arrow of the flow makes one result, and a [`Ledger`] stores the results: what a ledger already holds is not made
 //! again, and what was begun goes on from its last checkpoint to the identical result.
 //!
 //! [`sift`] is the whole job, shown on the first page of this crate; its stages can be taken one by one:
@@ -41,9 +41,9 @@
 //! # Ok::<(), demosift::Error>(())
 //! ```
 
+mod checkpointing;
 mod checks;
 mod judging;
-mod keeping;
 mod oracle;
 mod verdict;
 
@@ -70,13 +70,13 @@ use crate::stages::subset_selection::{self, Means, SubsetSelection, Weighing, We
 use crate::world::policy::PolicyShape;
 use crate::world::rollout::Playground;
 
+pub use checkpointing::Checkpointing;
+pub(crate) use checkpointing::{begun, stage_name};
 pub use checks::{check, check_demonstrator, check_fits, check_has_weights};
 pub use judging::{
-    check_budget, first_start, hand_on, judging, judging_seed, opinion, panel, plan, prior, scores,
+    budget, check_budget, first_start, hand_on, judging, judging_seed, opinion, panel, prior, scores,
 };
 pub(crate) use judging::{cloning_update, information, learning, learning_seed};
-pub use keeping::Keeping;
-pub(crate) use keeping::{begun, stage_name};
 pub use oracle::{oracle, oracle_curve, policy_from_kept, random_subset};
 pub(crate) use oracle::{oracle_part, random_part};
 pub(crate) use verdict::rest as rest_of_verdict;
@@ -124,7 +124,7 @@ pub struct CloningJudge {
     pub cloning: Cloning,
 }
 
-/// What a run is about, and where it keeps and tells what it finds.
+/// What a run is about, and where it stores and tells what it finds.
 pub struct Run<'a> {
     /// V.
     pub set: &'a DemonstrationSet,
@@ -132,7 +132,7 @@ pub struct Run<'a> {
     pub playground: &'a Playground<'a>,
     /// How.
     pub config: &'a Config,
-    /// Keeps the nouns.
+    /// Stores the results.
     pub ledger: &'a mut dyn Ledger,
     /// Hears of progress.
     pub observer: &'a mut dyn Observer,
@@ -187,11 +187,12 @@ pub fn weighing(run: &mut Run<'_>, prior: &MetaPrior) -> Result<Weighing> {
     let seed = weighing_seed(config);
     let start = || Ok(WeighingState::start(set, prior.clone(), information(config), &seed.of("start")));
     let stage = subset_selection::STAGE;
-    let (state, mut keeping) = Keeping::begin(*ledger, *observer, playground, stage, "", start)?;
+    let (state, mut checkpointing) = Checkpointing::begin(*ledger, *observer, playground, stage, "", start)?;
     let means =
         Means { selection: &config.subset_selection, learning: learning(config), judging: &config.judge };
-    let weighing = subset_selection::select_subset(set, playground, &means, state, &seed, &mut keeping)?;
-    keeping.finish("", &weighing)?;
+    let weighing =
+        subset_selection::select_subset(set, playground, &means, state, &seed, &mut checkpointing)?;
+    checkpointing.finish("", &weighing)?;
     Ok(weighing)
 }
 
@@ -207,7 +208,7 @@ pub fn costs(run: &Run<'_>) -> Result<Costs> {
     let recall = |stage: String| Ok(Spent::recall(run.ledger, &stage)?.map(|spent| (stage, spent)));
     let stages = stages.chain(imitations).chain([referee::STAGE.to_owned()]);
     let spent = stages.filter_map(|stage| recall(stage).transpose());
-    Ok(Costs { method, plan: plan(run), judging, spent: spent.collect::<Result<_>>()? })
+    Ok(Costs { method, budget: budget(run), judging, spent: spent.collect::<Result<_>>()? })
 }
 
 /// What scorers of the recorded data alone say of the set; nothing of it enters a ranking.
@@ -216,7 +217,7 @@ pub fn data_only(run: &mut Run<'_>) -> Result<DataOnly> {
         return Ok(found);
     }
     let found = data_only::data_only(run.set)?;
-    found.keep(run.ledger, "")?;
+    found.store(run.ledger, "")?;
     Ok(found)
 }
 
@@ -284,9 +285,9 @@ pub fn selection(run: &mut Run<'_>, panel: &Panel) -> Result<Selection> {
             Subset { demos: weighing(run, &prior)?.demos }
         }
     };
-    ranking.keep(run.ledger, "")?;
-    uncertainty.keep(run.ledger, "")?;
-    subset.keep(run.ledger, "")?;
+    ranking.store(run.ledger, "")?;
+    uncertainty.store(run.ledger, "")?;
+    subset.store(run.ledger, "")?;
     Ok(Selection { ranking, uncertainty, subset })
 }
 
@@ -312,19 +313,19 @@ fn learning_curve_with(
         && curve.demos == demos
     {
         // Again, in case that the run was killed between the two.
-        onnx::keep_policy(*ledger, part, &curve.best, playground.specification())?;
+        onnx::store_policy(*ledger, part, &curve.best, playground.specification())?;
         return Ok(curve);
     }
     let imitation = &config.imitate;
     let start = || Ok(ImitationState::start(set, demos, &config.policy, imitation, &seed.of("start")));
-    let (mut state, mut keeping) =
-        Keeping::begin(*ledger, *observer, playground, imitate::STAGE, part, start)?;
+    let (mut state, mut checkpointing) =
+        Checkpointing::begin(*ledger, *observer, playground, imitate::STAGE, part, start)?;
     if state.demos() != demos {
         state = start()?;
     }
     let lesson = Lesson { set, playground, imitation, part, seed };
-    let curve = imitate::imitate(&lesson, state, &mut keeping)?;
-    keeping.finish(part, &curve)?;
-    onnx::keep_policy(*ledger, part, &curve.best, playground.specification())?;
+    let curve = imitate::imitate(&lesson, state, &mut checkpointing)?;
+    checkpointing.finish(part, &curve)?;
+    onnx::store_policy(*ledger, part, &curve.best, playground.specification())?;
     Ok(curve)
 }

@@ -82,7 +82,7 @@ pub struct Asked<'a> {
 
 /// How a method spends the quota.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Plan {
+pub struct Budget {
     /// Environment steps that it may spend.
     pub quota: u64,
     /// Rounds of meta-training, or updates of pre-training.
@@ -92,27 +92,27 @@ pub struct Plan {
 }
 
 /// How a method spends the quota; `seed` is that of meta-training.
-pub fn plan(
+pub fn budget(
     method: Method,
     set: &DemonstrationSet,
     playground: &Playground<'_>,
     asked: &Asked<'_>,
     seed: &Seed,
-) -> Plan {
+) -> Budget {
     match asked.learning.inner.imitation {
-        Rule::Gail => plan_by_steps(method, set, playground, asked, seed),
-        Rule::BehavioralCloning => plan_by_updates(method, set, playground, asked, seed),
+        Rule::Gail => budget_by_steps(method, set, playground, asked, seed),
+        Rule::BehavioralCloning => budget_by_updates(method, set, playground, asked, seed),
     }
 }
 
 /// The quota in environment steps.
-fn plan_by_steps(
+fn budget_by_steps(
     method: Method,
     set: &DemonstrationSet,
     playground: &Playground<'_>,
     asked: &Asked<'_>,
     seed: &Seed,
-) -> Plan {
+) -> Budget {
     let Asked { learning, judging } = *asked;
     let Learning { training, inner, .. } = learning;
     let plainly = learning.plain();
@@ -121,31 +121,31 @@ fn plan_by_steps(
     let judged = judged_by(judging);
     let rounds = |how| meta_train::steps_by_round(set, playground, how, seed);
     let learned: u64 = rounds(&plainly).take(training.rounds).sum();
-    let plain = Plan { quota: learned + judged, updates: training.rounds, iterations: judging.iterations };
+    let plain = Budget { quota: learned + judged, updates: training.rounds, iterations: judging.iterations };
     match method {
         Method::Maml => plain,
-        Method::MamlMi => Plan { updates: affordable(rounds(&learning), learned), ..plain },
+        Method::MamlMi => Budget { updates: affordable(rounds(&learning), learned), ..plain },
         Method::AvgFineTune => {
             let update = pre_train::steps_of_update(inner, playground.specification().horizon);
-            Plan { updates: (learned / update) as usize, ..plain }
+            Budget { updates: (learned / update) as usize, ..plain }
         }
         Method::FromScratch => {
             let longer = Judging { iterations: judging.iterations + 1, ..judging.clone() };
             let iteration = judged_by(&longer) - judged;
             let iterations = judging.iterations + (learned / iteration) as usize;
-            Plan { updates: 0, iterations, ..plain }
+            Budget { updates: 0, iterations, ..plain }
         }
     }
 }
 
 /// The quota in inner updates; what a method then plays is what it may.
-fn plan_by_updates(
+fn budget_by_updates(
     method: Method,
     set: &DemonstrationSet,
     playground: &Playground<'_>,
     asked: &Asked<'_>,
     seed: &Seed,
-) -> Plan {
+) -> Budget {
     let Asked { learning, judging } = *asked;
     let Learning { training, inner, .. } = learning;
     let task = playground.specification();
@@ -167,7 +167,7 @@ fn plan_by_updates(
     };
     let judging = Judging { iterations, ..judging.clone() };
     let judged = Effort::of(set.len(), task, &judging, inner, false).steps();
-    Plan { quota: learned + judged, updates, iterations }
+    Budget { quota: learned + judged, updates, iterations }
 }
 
 /// Whether the budget pays for any learning, where some is asked for.
@@ -185,7 +185,7 @@ pub fn check_budget(
     let Learning { training, inner, .. } = learning;
     let plainly = learning.plain();
     let learns = method.stage().is_some() && training.rounds > 0;
-    if !learns || plan(method, set, playground, asked, seed).updates > 0 {
+    if !learns || budget(method, set, playground, asked, seed).updates > 0 {
         return Ok(());
     }
     let rounds = |how| meta_train::steps_by_round(set, playground, how, seed);
@@ -225,7 +225,7 @@ pub struct Costs {
     /// Of this method.
     pub method: Method,
     /// Its budget.
-    pub plan: Plan,
+    pub budget: Budget,
     /// Name of the stage in which the method's agent was judged.
     pub judging: String,
     /// Each finished stage by name, in the order of the flow.

@@ -14,7 +14,7 @@ use crate::world::rollout::{self, Playground};
 
 /// Whose episode it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum Moment {
     /// The agent before it imitated anything.
     Before,
     /// The agent after it imitated this demonstration.
@@ -25,7 +25,7 @@ pub enum Part {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shown {
     /// Whose.
-    pub part: Part,
+    pub moment: Moment,
     /// e_j.
     pub variant: EnvVariant,
     /// Control steps that it lasted.
@@ -60,9 +60,9 @@ pub fn agent_episodes(
         for (of, adapted) in scores.suitabilities.iter().zip(adapted).filter(|(of, _)| of.variant == variant)
         {
             if shown.last().is_none_or(|last: &Shown| last.variant != variant) {
-                shown.extend(look.at(Part::Before, start, of.before[0][evaluation])?);
+                shown.extend(look.at(Moment::Before, start, of.before[0][evaluation])?);
             }
-            shown.extend(look.at(Part::After(of.demo), &adapted.policy, of.after[0][evaluation])?);
+            shown.extend(look.at(Moment::After(of.demo), &adapted.policy, of.after[0][evaluation])?);
         }
     }
     Ok(shown)
@@ -90,7 +90,7 @@ struct Look<'a> {
 }
 
 impl Look<'_> {
-    fn at(&self, part: Part, policy: &Policy, scored: Score) -> Result<Option<Shown>> {
+    fn at(&self, moment: Moment, policy: &Policy, scored: Score) -> Result<Option<Shown>> {
         let Self { playground, judging, variant, evaluation, seed } = *self;
         let (played, seed) = judge::replay(playground, policy, judging, variant, evaluation, seed)?;
         let score = playground.score(&played);
@@ -102,6 +102,6 @@ impl Look<'_> {
         }
         let Some(states) = rollout::state_log(playground, &played, variant, &seed)? else { return Ok(None) };
         let succeeded = playground.task().succeeded(played.measurements());
-        Ok(Some(Shown { part, variant, steps: played.steps(), score, succeeded, states }))
+        Ok(Some(Shown { moment, variant, steps: played.steps(), score, succeeded, states }))
     }
 }

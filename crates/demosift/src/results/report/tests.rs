@@ -11,7 +11,7 @@ use crate::learning::trpo::{StepEnd, TrustRegion};
 use crate::results::data_only::Column;
 use crate::results::panel::{Found, panel};
 use crate::stages::judge::{self, AdaptedPolicy, Judging, JudgingState, Start, Trial};
-use crate::stages::method::{Method, Plan, Spent};
+use crate::stages::method::{Budget, Method, Spent};
 use crate::world::point_mass::{PointMass, planted_set};
 use crate::world::policy::{Policy, PolicyShape};
 use crate::world::rollout::{Acting, Playground};
@@ -67,9 +67,9 @@ fn judged() -> Judged {
 
 fn found(kept: Option<&[usize]>) -> Result<Report> {
     let (mut ledger, set) = (InMemory::default(), planted_set(&[180.0, 0.0, 90.0], Seed::new(1))?);
-    judged().keep(&mut ledger, "cloning")?;
+    judged().store(&mut ledger, "cloning")?;
     if let Some(kept) = kept {
-        Subset { demos: kept.iter().copied().map(DemoId).collect() }.keep(&mut ledger, "")?;
+        Subset { demos: kept.iter().copied().map(DemoId).collect() }.store(&mut ledger, "")?;
     }
     let column = |name: &str, scores: [f64; 3]| Column {
         name: name.to_owned(),
@@ -86,7 +86,7 @@ fn found(kept: Option<&[usize]>) -> Result<Report> {
         data_only: &DataOnly { columns: vec![column("right", [1.0, 9.0, 3.0]), column("alike", [2.0; 3])] },
         costs: &Costs {
             method: Method::Maml,
-            plan: Plan { quota: 100, updates: 1, iterations: 2 },
+            budget: Budget { quota: 100, updates: 1, iterations: 2 },
             judging: "judge_paper".to_owned(),
             spent: vec![
                 ("meta_train".to_owned(), Spent { environment_steps: 60 }),

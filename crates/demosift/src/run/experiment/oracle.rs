@@ -57,7 +57,7 @@ pub fn oracle_curve(run: &mut Run<'_>, demo: DemoId, repeat: usize) -> Result<Le
     learning_curve_with(run, &oracle_part(demo, repeat), &[demo], &seed)
 }
 
-/// Under which name the oracle's imitations are kept.
+/// Under which name the oracle's imitations are stored.
 pub(crate) fn oracle_part(demo: DemoId, repeat: usize) -> String {
     format!("oracle_{demo}_{repeat}")
 }
@@ -71,7 +71,7 @@ pub fn random_subset(run: &mut Run<'_>, size: usize, number: usize) -> Result<Le
     learning_curve(run, &random_part(number), &demos)
 }
 
-/// Under which name the imitations of random subsets are kept.
+/// Under which name the imitations of random subsets are stored.
 pub(crate) fn random_part(number: usize) -> String {
     format!("random_{number}")
 }

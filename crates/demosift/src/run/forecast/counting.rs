@@ -180,7 +180,7 @@ fn prior(run: &Run<'_>) -> Result<Option<Planned>> {
     if Learner::recall(run.ledger, "")?.is_some() {
         return Ok(None);
     }
-    let (config, updates) = (run.config, experiment::plan(run).updates);
+    let (config, updates) = (run.config, experiment::budget(run).updates);
     let task = run.playground.specification();
     match config.method {
         Method::FromScratch => Ok(None),

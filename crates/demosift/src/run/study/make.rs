@@ -108,7 +108,7 @@ pub fn planned_judging(means: &Means<'_>) -> u64 {
         observer: &mut Silent,
     };
     let of = |judge: &Judge| match judge {
-        Judge::Paper => experiment::plan(&run).quota,
+        Judge::Paper => experiment::budget(&run).quota,
         Judge::Cloning => {
             let judging = &means.config.cloning_judge.judging;
             let inner = &experiment::cloning_update(means.config);
