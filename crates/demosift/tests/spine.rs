@@ -229,7 +229,7 @@ fn eq_9_each_goal_prefers_the_demonstration_that_goes_there() {
     for variant in 0..4 {
         let ranking = select::rank_under(&table, EnvVariant(variant));
         assert_eq!(ranking.entries[0].demo, DemoId(variant), "{:?}", order(&ranking));
-        let score = |demo| ranking.entries.iter().find(|entry| entry.demo == DemoId(demo)).unwrap().score;
+        let score = |demo| ranking.entries.iter().find(|entry| entry.demo == DemoId(demo)).unwrap().gain;
         assert!(score(variant) > score((variant + 2) % 4) + 0.5, "{ranking:?}");
     }
 }
@@ -246,7 +246,7 @@ fn eq_8_all_demonstrations_are_compared_with_the_same_episodes_before() {
         assert_eq!((suitability.after.len(), suitability.after[0].len()), (2, 10));
         let mean = |scores: &[f64]| scores.iter().sum::<f64>() / scores.len() as f64;
         let gain = mean(&suitability.after.concat()) - mean(&suitability.before.concat());
-        assert!((suitability.score() - gain).abs() < 1e-12);
+        assert!((suitability.gain() - gain).abs() < 1e-12);
     }
     assert_ne!(table.suitabilities[0].before, table.suitabilities[3].before, "another goal");
 }

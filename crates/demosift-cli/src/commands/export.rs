@@ -178,7 +178,7 @@ fn rows(kept: &Kept) -> Result<Vec<Exported<'_>>> {
             steps: kept.demonstrations.set.get(demo).steps(),
             rank: rank + 1,
             kept: kept.ids.contains(&demo.0),
-            score: ranked.score,
+            score: ranked.gain,
             low: doubt.map(|doubt| doubt.low),
             high: doubt.map(|doubt| doubt.high),
             before: ranked.before,

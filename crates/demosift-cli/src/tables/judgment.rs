@@ -69,7 +69,7 @@ pub(crate) fn ranking(judgment: &Judgment<'_>, kept: Option<Kept<'_>>) -> String
                 entry.demo.to_string(),
                 set.get(entry.demo).steps().to_string(),
                 scale.plain(entry.after),
-                scale.signed(entry.score),
+                scale.signed(entry.gain),
                 format!("[{}, {}]", scale.signed(doubt.low), scale.signed(doubt.high)),
                 percent(doubt.top[k - 1]),
                 group(uncertainty, entry.demo),
@@ -153,7 +153,7 @@ fn why_kept(uncertainty: &Uncertainty, subset: &Subset) -> String {
 
 /// Says which of the kept demonstrations did not help.
 fn useless(ranking: &Ranking, subset: &Subset) -> Option<String> {
-    let entries = ranking.entries.iter().filter(|entry| entry.score <= 0.0).map(|entry| entry.demo);
+    let entries = ranking.entries.iter().filter(|entry| entry.gain <= 0.0).map(|entry| entry.demo);
     let useless: Vec<DemoId> = entries.filter(|demo| subset.demos.contains(demo)).collect();
     match useless.as_slice() {
         [] => None,
@@ -219,7 +219,7 @@ mod tests {
             demo: DemoId(demo),
             before: -100.0,
             after: -100.0 + score,
-            score: *score,
+            gain: *score,
         };
         Ranking { entries: scores.iter().enumerate().map(ranked).collect() }
     }
@@ -227,7 +227,7 @@ mod tests {
     fn uncertainty(scores: &[f64]) -> Uncertainty {
         let doubt = |(demo, score): (usize, &f64)| Doubt {
             demo: DemoId(demo),
-            score: *score,
+            gain: *score,
             low: score - 150.5,
             high: score + 150.5,
             improves: 0.95,

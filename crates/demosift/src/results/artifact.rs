@@ -564,7 +564,7 @@ mod tests {
     #[test]
     fn json_nouns_come_back_and_bad_ones_are_told() {
         let ranking = Ranking {
-            entries: vec![Ranked { demo: DemoId(3), before: 0.1 + 0.2, after: -1e-300, score: f64::MAX }],
+            entries: vec![Ranked { demo: DemoId(3), before: 0.1 + 0.2, after: -1e-300, gain: f64::MAX }],
         };
         let mut ledger = InMemory::default();
         assert_eq!(Ranking::recall(&ledger, "").expect("nothing is no error"), None);

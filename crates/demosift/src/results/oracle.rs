@@ -78,7 +78,7 @@ pub fn alone(demo: DemoId, curves: &[LearningCurve]) -> Alone {
 /// Compares a ranking with what the demonstrations teach alone.
 pub fn agreement(ranking: &Ranking, alone: &[Alone]) -> Agreement {
     let taught = |demo: DemoId| alone.iter().find(|alone| alone.demo == demo).map(|alone| alone.mean);
-    let both = ranking.entries.iter().filter_map(|entry| Some((entry.score, taught(entry.demo)?)));
+    let both = ranking.entries.iter().filter_map(|entry| Some((entry.gain, taught(entry.demo)?)));
     let (judged, taught): (Vec<Score>, Vec<Score>) = both.unzip();
     let mut tops = vec![2, judged.len() / 2];
     tops.retain(|k| (1..judged.len()).contains(k));
@@ -125,7 +125,7 @@ mod tests {
     fn ranking(order: &[usize]) -> Ranking {
         let ranked = |(place, demo): (usize, &usize)| {
             let gain = -(place as f64);
-            Ranked { demo: DemoId(*demo), before: 0.0, after: gain, score: gain }
+            Ranked { demo: DemoId(*demo), before: 0.0, after: gain, gain: gain }
         };
         Ranking { entries: order.iter().enumerate().map(ranked).collect() }
     }

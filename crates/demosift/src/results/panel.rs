@@ -238,7 +238,7 @@ fn agreement(one: &Opinion, other: &Opinion) -> Option<f64> {
     let scores = |opinion: &Opinion| {
         let mut entries = opinion.ranking.entries.clone();
         entries.sort_by_key(|entry| entry.demo);
-        entries.iter().map(|entry| entry.score).collect::<Vec<_>>()
+        entries.iter().map(|entry| entry.gain).collect::<Vec<_>>()
     };
     Some(agreement::spearman(&scores(one), &scores(other))).filter(|agreement| agreement.is_finite())
 }

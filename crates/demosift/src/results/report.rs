@@ -324,14 +324,14 @@ fn entries(sources: &Sources<'_>, scores: &ScoreTable, kept: &[DemoId], k: usize
         let demo = entry.demo;
         let doubt = uncertainty.of(demo).ok_or_else(|| foreign(demo))?;
         let gain = |ranking: &Ranking| {
-            ranking.entries.iter().find(|entry| entry.demo == demo).map_or(f64::NAN, |entry| entry.score)
+            ranking.entries.iter().find(|entry| entry.demo == demo).map_or(f64::NAN, |entry| entry.gain)
         };
         let group = uncertainty.groups.iter().position(|group| group.contains(&demo));
         Ok(Entry {
             demo,
             steps: sources.set.get(demo).steps(),
             after: entry.after,
-            gain: entry.score,
+            gain: entry.gain,
             low: doubt.low,
             high: doubt.high,
             improves: doubt.improves,
@@ -354,7 +354,7 @@ fn said(opinion: &panel::Opinion, demo: DemoId) -> Result<Said> {
     let doubts = &opinion.uncertainty.demonstrations;
     let place = doubts.iter().position(|doubt| doubt.demo == demo).ok_or_else(|| foreign(demo))?;
     let doubt = &doubts[place];
-    Ok(Said { place: place + 1, gain: doubt.score, low: doubt.low, high: doubt.high })
+    Ok(Said { place: place + 1, gain: doubt.gain, low: doubt.low, high: doubt.high })
 }
 
 fn foreign(demo: DemoId) -> Error {

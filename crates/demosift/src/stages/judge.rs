@@ -9,7 +9,7 @@
 //! | 3, 4: θ_ij ← θ, D_i ← D_meta | [`Start`] |
 //! | 5–10: adapt | [`crate::learning::adapt::adapt`] in [`bench`] |
 //! | 11: evaluate θ_ij for M random seeds | [`bench`] |
-//! | 12: S = K(after) − K(before) (Eq. 8) | [`Suitability::score`] |
+//! | 12: S = K(after) − K(before) (Eq. 8) | [`Suitability::gain`] |
 //! | 14: i_opt (Eq. 9) | [`crate::stages::select`] |
 //!
 //! Where we differ: an adaptation is repeated with other random numbers and the outcomes are pooled, and what is evaluated
@@ -109,7 +109,7 @@ impl Judged {
 
 impl Suitability {
     /// S_{v|e} = K(τ after) − K(τ before), means over seeds and repeats (Eq. 8).
-    pub fn score(&self) -> Score {
+    pub fn gain(&self) -> Score {
         self.mean_after() - self.mean_before()
     }
 
@@ -317,7 +317,7 @@ pub const STAGE: &str = "judge";
 /// let judged = judge(&trial, &mut nothing, &mut Silent)?;
 ///
 /// // One suitability for each demonstration under each of the task's variants, which here is one.
-/// let scores: Vec<f64> = judged.scores.suitabilities.iter().map(|of| of.score()).collect();
+/// let scores: Vec<f64> = judged.scores.suitabilities.iter().map(|of| of.gain()).collect();
 /// assert_eq!(scores.len(), 3);
 /// assert!(scores[1] > scores[2] && scores[2] > scores[0], "{scores:?} m nearer to the goal");
 /// // The policies that imitated them are there too, to be looked at.

@@ -26,7 +26,8 @@ pub struct Ranked {
     /// Mean K after adapting.
     pub after: Score,
     /// S (Eq. 8): how much better imitating it made the agent; the mean over variants where all are ranked together.
-    pub score: Score,
+    #[serde(rename = "score")]
+    pub gain: Score,
 }
 
 /// Which demonstrations to learn from, ordered by rank.
@@ -131,7 +132,7 @@ pub fn rank_under(table: &ScoreTable, variant: EnvVariant) -> Ranking {
 fn rank_where(table: &ScoreTable, counts: impl Fn(EnvVariant) -> bool) -> Ranking {
     let mut entries: Vec<Ranked> =
         table.demos().into_iter().filter_map(|demo| entry(table, demo, &counts)).collect();
-    entries.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.demo.cmp(&b.demo)));
+    entries.sort_by(|a, b| b.gain.total_cmp(&a.gain).then(a.demo.cmp(&b.demo)));
     Ranking { entries }
 }
 
@@ -141,7 +142,7 @@ fn entry(table: &ScoreTable, demo: DemoId, counts: &impl Fn(EnvVariant) -> bool)
         demo,
         before: mean_of(of_demo.iter().map(|s| s.mean_before())),
         after: mean_of(of_demo.iter().map(|s| s.mean_after())),
-        score: mean_of(of_demo.iter().map(|s| s.score())),
+        gain: mean_of(of_demo.iter().map(|s| s.gain())),
     })
 }
 
@@ -174,7 +175,7 @@ fn entry(table: &ScoreTable, demo: DemoId, counts: &impl Fn(EnvVariant) -> bool)
 /// // Under the first variant the second demonstration is the more suitable one; over both it is not.
 /// assert_eq!(top_k(&rank_under(&table, EnvVariant(0)), 1)?.demos, [DemoId(1)]);
 /// assert_eq!(top_k(&rank(&table), 1)?.demos, [DemoId(0)]);
-/// assert_eq!(rank(&table).entries[1].score, 0.0);
+/// assert_eq!(rank(&table).entries[1].gain, 0.0);
 ///
 /// // A subset of nothing or of more than there is gets an error that says what would be right.
 /// let error = top_k(&rank(&table), 3).unwrap_err();
@@ -223,7 +224,7 @@ mod tests {
 
     #[test]
     fn eq_8_is_the_mean_after_less_the_mean_before() {
-        assert_eq!(table(&[(0, 0, 7.0)]).suitabilities[0].score(), 5.0);
+        assert_eq!(table(&[(0, 0, 7.0)]).suitabilities[0].gain(), 5.0);
     }
 
     #[test]

@@ -279,7 +279,7 @@ fn deltas(table: &ScoreTable, count: usize) -> Vec<f64> {
         let spread = spread(under);
         variants += 1.0;
         for suitability in under.iter().filter(|_| spread > 0.0) {
-            sums[suitability.demo.0] += suitability.score() / spread;
+            sums[suitability.demo.0] += suitability.gain() / spread;
         }
     }
     sums.iter().map(|sum| sum / variants).collect()

@@ -48,7 +48,7 @@ pub struct Column {
 impl Column {
     /// Spearman's rank correlation with the gains of a ranking; `None` where one of both finds all alike.
     pub fn agreement(&self, ranking: &Ranking) -> Option<f64> {
-        let both = ranking.entries.iter().map(|entry| (entry.score, self.scores[entry.demo.0]));
+        let both = ranking.entries.iter().map(|entry| (entry.gain, self.scores[entry.demo.0]));
         let (gains, scores): (Vec<f64>, Vec<f64>) = both.unzip();
         Some(agreement::spearman(&gains, &scores)).filter(|agreement| agreement.is_finite())
     }

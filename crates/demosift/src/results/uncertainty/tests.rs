@@ -174,8 +174,8 @@ fn the_order_is_that_of_the_ranking_and_the_sums_are_right() {
     let found = uncertainty(&table, &Resampling::default(), &Seed::new(7)).unwrap();
     let ranking = select::rank(&table);
     for (doubt, ranked) in found.demonstrations.iter().zip(&ranking.entries) {
-        assert_eq!((doubt.demo, doubt.score), (ranked.demo, ranked.score));
-        assert!(doubt.low < doubt.score && doubt.score < doubt.high);
+        assert_eq!((doubt.demo, doubt.gain), (ranked.demo, ranked.gain));
+        assert!(doubt.low < doubt.gain && doubt.gain < doubt.high);
         assert!(doubt.top.is_sorted());
     }
     for k in 1..=4 {

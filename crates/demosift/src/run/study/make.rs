@@ -62,7 +62,7 @@ pub fn judging(means: &Means<'_>, seed: u64, clock: &mut dyn FnMut() -> f64) -> 
 
 fn judged(suitability: &Suitability) -> Result<JudgedDemonstration> {
     Ok(JudgedDemonstration {
-        score: finite(suitability.score())?,
+        score: finite(suitability.gain())?,
         after: finite(suitability.mean_after())?,
         repeats: suitability.after.iter().map(|scores| statistics::mean(scores)).collect(),
     })
