@@ -125,7 +125,7 @@ mod tests {
     fn ranking(order: &[usize]) -> Ranking {
         let ranked = |(place, demo): (usize, &usize)| {
             let gain = -(place as f64);
-            Ranked { demo: DemoId(*demo), before: 0.0, after: gain, gain: gain }
+            Ranked { demo: DemoId(*demo), before: 0.0, after: gain, gain }
         };
         Ranking { entries: order.iter().enumerate().map(ranked).collect() }
     }

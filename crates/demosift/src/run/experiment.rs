@@ -41,6 +41,7 @@
 //! # Ok::<(), demosift::Error>(())
 //! ```
 
+pub(crate) mod arrows;
 mod checkpointing;
 mod checks;
 mod judging;
@@ -70,6 +71,7 @@ use crate::stages::subset_selection::{self, Means, SubsetSelection, Weighing, We
 use crate::world::policy::PolicyShape;
 use crate::world::rollout::Playground;
 
+use arrows::Arrow;
 pub use checkpointing::Checkpointing;
 pub(crate) use checkpointing::{begun, stage_name};
 pub use checks::{check, check_demonstrator, check_fits, check_has_weights};
@@ -170,6 +172,21 @@ pub fn sift(run: &mut Run<'_>) -> Result<Sifted> {
     let selection = selection(run, &panel)?;
     let verdict = verdict(run, &worth_training_on(run, &panel, &selection)?)?;
     Ok(Sifted { panel, selection, data_only, verdict })
+}
+
+/// Makes all that is wanted and not there.
+fn make(run: &mut Run<'_>, wanted: &[Arrow]) -> Result<()> {
+    for arrow in arrows::missing(run, wanted)? {
+        match arrow {
+            Arrow::Prior => drop(prior(run)?),
+            Arrow::Scores(judge) => drop(scores(run, judge)?),
+            Arrow::Weighing => {
+                let prior = prior(run)?;
+                weighing(run, &prior)?;
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The random numbers of the selection by weights.
@@ -277,6 +294,7 @@ fn kept(run: &Run<'_>, opinion: &Opinion) -> Result<Subset> {
 
 /// Panel → Ranking, Uncertainty, Subset: what the judge that decides would keep.
 pub fn selection(run: &mut Run<'_>, panel: &Panel) -> Result<Selection> {
+    make(run, &arrows::for_selection(run.config))?;
     let Opinion { ranking, uncertainty, .. } = panel.deciding().clone();
     let subset = match run.config.keep {
         Keep::Quarter | Keep::Count(_) | Keep::Auto => kept(run, panel.deciding())?,

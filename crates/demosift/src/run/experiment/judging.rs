@@ -1,6 +1,6 @@
 //! DemonstrationSet → MetaPrior → ScoreTable → Panel: each judge that is asked, and what they say together.
 
-use super::{Checkpointing, Config, Run, cut, stage_name};
+use super::{Checkpointing, Config, Run, arrows, cut, make, stage_name};
 use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::basics::seed::Seed;
@@ -187,6 +187,7 @@ pub fn hand_on(from: &dyn Ledger, to: &mut dyn Ledger, goal: EnvVariant) -> Resu
 
 /// What the judges say that are asked; whoever has not judged yet does it now.
 pub fn panel(run: &mut Run<'_>) -> Result<Panel> {
+    make(run, &arrows::all_scores(run.config))?;
     let panel = panel_of(run, run.config.judges.each())?;
     panel.store(run.ledger, "")?;
     Ok(panel)

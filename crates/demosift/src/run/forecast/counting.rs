@@ -6,20 +6,21 @@ use super::By;
 use crate::basics::error::Result;
 use crate::basics::ledger::Ledger;
 use crate::data::demonstration::DemoId;
-use crate::learning::adapt::{InnerUpdate, Learner, Rule};
+use crate::learning::adapt::{InnerUpdate, Rule};
 use crate::results::artifact::Artifact;
 use crate::results::panel::{Judge, Opinion, Panel};
 use crate::results::recording;
+use crate::run::experiment::arrows::{self, Arrow};
 use crate::run::experiment::{self, Run, Selection, begun, stage_name};
 use crate::stages::demonstrator::{self, DemonstratorState, Stage};
 use crate::stages::imitate::{self, ImitationState, LearningCurve};
-use crate::stages::judge::{self, Effort, Judged, Judging, JudgingState};
+use crate::stages::judge::{self, Effort, Judging, JudgingState};
 use crate::stages::meta_train::{self, Learning, MetaState, MetaTraining};
 use crate::stages::method::Method;
 use crate::stages::pre_train::{self, PreTrainState};
 use crate::stages::referee::{self, DECISIVE, Meant, NamedSubset, imitation_by};
 use crate::stages::select::{Keep, Subset};
-use crate::stages::subset_selection::{self, Weighing, WeighingState};
+use crate::stages::subset_selection::{self, WeighingState};
 use crate::world::rollout::Playground;
 
 /// How far along the flow a command goes.
@@ -89,21 +90,10 @@ pub fn planned(run: &Run<'_>, goal: Goal<'_>) -> Result<Vec<Planned>> {
     let count = run.set.len();
     let mut stages = Vec::new();
     match goal {
-        Goal::Prior => stages.extend(prior(run)?),
-        Goal::Scores => stages.extend(judged_by_all(run)?),
-        Goal::Weighing => {
-            stages.extend(prior(run)?);
-            stages.extend(weighing(run)?);
-        }
-        Goal::Selection => {
-            stages.extend(judged_by_all(run)?);
-            if run.config.keep == Keep::Weights {
-                if !run.config.judges.each().contains(&Judge::Paper) {
-                    stages.extend(prior(run)?);
-                }
-                stages.extend(weighing(run)?);
-            }
-        }
+        Goal::Prior => stages = left_of(run, &[Arrow::Prior])?,
+        Goal::Scores => stages = left_of(run, &arrows::all_scores(run.config))?,
+        Goal::Weighing => stages = left_of(run, &[Arrow::Weighing])?,
+        Goal::Selection => stages = left_of(run, &arrows::for_selection(run.config))?,
         Goal::Comparison => {
             stages = planned(run, Goal::Selection)?;
             stages.extend(planned(run, Goal::OneTraining)?);
@@ -136,6 +126,16 @@ pub fn planned(run: &Run<'_>, goal: Goal<'_>) -> Result<Vec<Planned>> {
         }
     }
     Ok(stages)
+}
+
+/// What is left of what the flow will make to have all that is wanted.
+fn left_of(run: &Run<'_>, wanted: &[Arrow]) -> Result<Vec<Planned>> {
+    let left = arrows::missing(run, wanted)?.into_iter().map(|arrow| match arrow {
+        Arrow::Prior => prior(run),
+        Arrow::Scores(judge) => scores(run, judge),
+        Arrow::Weighing => weighing(run),
+    });
+    left.filter_map(Result::transpose).collect()
 }
 
 /// Several parts of a stage as one.
@@ -177,9 +177,6 @@ impl Whole {
 }
 
 fn prior(run: &Run<'_>) -> Result<Option<Planned>> {
-    if Learner::recall(run.ledger, "")?.is_some() {
-        return Ok(None);
-    }
     let (config, updates) = (run.config, experiment::budget(run).updates);
     let task = run.playground.specification();
     match config.method {
@@ -214,22 +211,7 @@ fn prior(run: &Run<'_>) -> Result<Option<Planned>> {
     }
 }
 
-/// Every judge that is asked, with the prior of the paper's before it.
-fn judged_by_all(run: &Run<'_>) -> Result<Vec<Planned>> {
-    let mut stages = Vec::new();
-    for &judge in run.config.judges.each() {
-        if judge == Judge::Paper {
-            stages.extend(prior(run)?);
-        }
-        stages.extend(scores(run, judge)?);
-    }
-    Ok(stages)
-}
-
 fn scores(run: &Run<'_>, judge: Judge) -> Result<Option<Planned>> {
-    if Judged::recall(run.ledger, judge.name())?.is_some() {
-        return Ok(None);
-    }
     let judging = &experiment::judging(run, judge);
     let effort = match judge {
         Judge::Cloning => effort(run, judging, &experiment::cloning_update(run.config), true),
@@ -259,9 +241,6 @@ fn pieces(judge: Judge, judging: &Judging, effort: &Effort) -> Vec<(Piece, f64)>
 }
 
 fn weighing(run: &Run<'_>) -> Result<Option<Planned>> {
-    if Weighing::recall(run.ledger, "")?.is_some() {
-        return Ok(None);
-    }
     let (how, meta_batch) = (&run.config.subset_selection, run.set.len());
     let training = MetaTraining { meta_batch, ..run.config.meta_train.clone() };
     let learning = Learning { training: &training, ..experiment::learning(run.config) };
