@@ -57,7 +57,7 @@ fn record(place: usize, row: &Value) -> Vec<u8> {
     let numbers = numbers.filter_map(|(name, value)| Some((name.as_str(), value.as_f64()?)));
     let numbers = numbers.filter(|(name, _)| *name != "iteration");
     let iteration = row["iteration"].as_u64().unwrap_or_default();
-    tensorboard::record(place, (word("stage"), word("part")), iteration, numbers)
+    tensorboard::record(place, word("stage"), word("part"), iteration, numbers)
 }
 
 #[cfg(test)]

@@ -60,7 +60,7 @@ impl Job {
         check: impl FnOnce(&DemonstrationSet, &Config) -> Result<()>,
     ) -> Result<Self> {
         use_threads(arguments.run.threads)?;
-        let plan = Plan::of(&arguments.run, arguments.variant.as_deref(), arguments.preset)?;
+        let plan = Request::of(&arguments.run, arguments.variant.as_deref(), arguments.preset)?;
         let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
         let demonstrations =
             demonstrations::open(arguments.demonstrations.as_deref(), &arguments.source, recorded)?;
@@ -68,7 +68,9 @@ impl Job {
         let Demonstrations { set, path, .. } = demonstrations;
         let mut values = plan.values.clone();
         if let Some(keep) = arguments.keep {
-            check_keep(keep, &set)?;
+            if let Some(wanted) = keep.misfit(set.len()) {
+                return Err(Error::bad_config(format!("--keep {keep}: {wanted}")));
+            }
             let layer = Table::from_iter([("keep".to_owned(), toml::Value::String(keep.to_string()))]);
             configuration::apply(&mut values, &Layer { source: "--keep".to_owned(), values: layer })?;
         }
@@ -213,7 +215,7 @@ impl Job {
 }
 
 /// What a run is about, before its data is read and its folder is touched.
-pub(crate) struct Plan {
+pub(crate) struct Request {
     pub(crate) chosen: Chosen,
     /// Of all layers but the options that a subcommand has for itself.
     pub(crate) values: Table,
@@ -221,7 +223,7 @@ pub(crate) struct Plan {
     out: PathBuf,
 }
 
-impl Plan {
+impl Request {
     pub(crate) fn of(
         arguments: &RunArguments,
         variant: Option<&str>,
@@ -335,15 +337,4 @@ pub(crate) fn use_threads(count: Option<usize>) -> Result<()> {
         .num_threads(count)
         .build_global()
         .map_err(|error| Error::bad_config(format!("--threads {count}: {error}")))
-}
-
-fn check_keep(keep: Keep, set: &DemonstrationSet) -> Result<()> {
-    match keep {
-        Keep::Count(count) if !(1..=set.len()).contains(&count) => Err(Error::bad_config(format!(
-            "--keep {count}: must be from 1 to the {} demonstrations there are, {}",
-            set.len(),
-            Keep::WORDS
-        ))),
-        _ => Ok(()),
-    }
 }

@@ -1,5 +1,6 @@
 //! The `demosift` command: which demonstrations should your agent learn from?
 
+mod answers;
 mod arguments;
 mod commands;
 mod configuration;

@@ -13,8 +13,10 @@ use demosift_mujoco::replay;
 
 /// What is shown beside a ranking.
 pub(crate) struct Beside {
-    /// What the scorers of the recordings say, and the demonstrations' own heuristic if it is known.
+    /// What the scorers of the recordings say.
     pub(crate) data_only: DataOnly,
+    /// What the recorded demonstrations themselves scored, if it is known.
+    pub(crate) own: Option<Column>,
     /// Why it is not known, where the set holds states that this task cannot replay.
     pub(crate) unusable: Option<Error>,
 }
@@ -23,21 +25,30 @@ pub(crate) struct Beside {
 ///
 /// A ranking that took hours is worth showing without this column, so what is wrong here fails nothing.
 pub(crate) fn beside(
-    mut data_only: DataOnly,
+    data_only: DataOnly,
     task: Option<&MujocoTask>,
     set: &DemonstrationSet,
     states: Result<Option<Vec<StateLog>>>,
 ) -> Beside {
-    let unusable = match task.map(|task| scores(task, set, states)) {
-        None | Some(Ok(None)) => None,
-        Some(Ok(Some(scores))) => {
-            let meaning = "the task's heuristic of the recorded demonstration itself, under the goal that it was recorded for".to_owned();
-            data_only.columns.push(Column { name: "heuristic".to_owned(), meaning, scores });
-            None
-        }
-        Some(Err(error)) => Some(error),
+    let (own, unusable) = match task.map(|task| scores(task, set, states)) {
+        None | Some(Ok(None)) => (None, None),
+        Some(Ok(Some(scores))) => (Some(column(scores)), None),
+        Some(Err(error)) => (None, Some(error)),
     };
-    Beside { data_only, unusable }
+    Beside { data_only, own, unusable }
+}
+
+impl Beside {
+    /// All that there is to show, the demonstrations' own heuristic last.
+    pub(crate) fn columns(&self) -> impl Iterator<Item = &Column> {
+        self.data_only.columns.iter().chain(&self.own)
+    }
+}
+
+fn column(scores: Vec<Score>) -> Column {
+    let meaning =
+        "the task's heuristic of the recorded demonstration itself, under the goal that it was recorded for";
+    Column { name: "heuristic".to_owned(), meaning: meaning.to_owned(), scores }
 }
 
 fn scores(

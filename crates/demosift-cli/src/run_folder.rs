@@ -220,7 +220,7 @@ impl Ledger for RunFolder {
         }
     }
 
-    fn keep(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+    fn store(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
         undisturbed(|| files::write_atomically(&self.path.join(name), bytes))
     }
 
@@ -249,7 +249,7 @@ fn remove_partial(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The task was held against the run's before its goal was looked for, in [`crate::job::Plan`].
+/// The task was held against the run's before its goal was looked for, in [`crate::job::Request`].
 fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Result<()> {
     let sha256 = |identity: &Identity| identity.data.as_ref().map(|data| data.sha256.clone());
     let old = &begun.identity;

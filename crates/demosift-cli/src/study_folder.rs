@@ -150,7 +150,7 @@ impl StudyFolder {
         })
     }
 
-    pub(crate) fn keep(&self, cell: &Cell, fingerprint: Fingerprint) -> Result<()> {
+    pub(crate) fn store(&self, cell: &Cell, fingerprint: Fingerprint) -> Result<()> {
         let path = self.file(&cell.work);
         let mut bytes = serde_json::to_vec_pretty(&File { fingerprint, cell: cell.clone() })
             .expect("a cell is plain data");
@@ -175,7 +175,7 @@ impl StudyFolder {
     }
 
     /// The file of results.
-    pub(crate) fn keep_results(&self, bytes: &[u8]) -> Result<()> {
+    pub(crate) fn store_results(&self, bytes: &[u8]) -> Result<()> {
         undisturbed(|| files::write_atomically(&self.path.join(RESULTS), bytes))
     }
 }

@@ -19,7 +19,8 @@ pub(crate) fn show(text: &str) {
 }
 
 /// Prints results as JSON.
-pub(crate) fn show_json(value: &serde_json::Value) {
+pub(crate) fn show_json(value: &impl serde::Serialize) {
+    let value = serde_json::to_value(value).expect("plain data always serializes");
     show(&format!("{value:#}\n"));
 }
 

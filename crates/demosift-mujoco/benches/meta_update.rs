@@ -18,8 +18,8 @@ use demosift::data::observation_filter::ObservationFilter;
 use demosift::math::rows::Rows;
 use demosift::run::experiment::Config;
 use demosift::run::preset::Preset;
-use demosift::stages::imitate::{self, Imitation, ImitationState};
-use demosift::stages::meta_train::{self, MetaState, MetaTraining, Order};
+use demosift::stages::imitate::{self, Imitation, ImitationState, Lesson};
+use demosift::stages::meta_train::{self, Learning, MetaState, MetaTraining, Order};
 use demosift::world::environment::{EnvVariant, Environment, Specification, StepOutcome, Task};
 use demosift::world::heuristic::Heuristic;
 use demosift::world::policy::Policy;
@@ -65,17 +65,17 @@ fn main() {
         for threads in [1, 2] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let report = |update: &str, goal: f64, spans: Vec<Span>| {
-                print_row((update, name, goal), threads, spans);
+                print_row(update, name, goal, threads, spans);
             };
             report("imitation", SHARE_GOAL, pool.install(|| imitation_updates(&task, &set)));
             report(
                 "meta-training",
                 SHARE_GOAL,
-                pool.install(|| meta_updates(&task, &set, rounds, (false, Order::First))),
+                pool.install(|| meta_updates(&task, &set, rounds, false, Order::First)),
             );
-            let exact = pool.install(|| meta_updates(&task, &set, rounds, (false, Order::Second)));
+            let exact = pool.install(|| meta_updates(&task, &set, rounds, false, Order::Second));
             report("the same, exact", SHARE_GOAL, exact);
-            let informed = pool.install(|| meta_updates(&task, &set, rounds, (true, Order::First)));
+            let informed = pool.install(|| meta_updates(&task, &set, rounds, true, Order::First));
             report("the same, MI", SHARE_GOAL_WITH_INFORMATION, informed);
         }
     }
@@ -88,7 +88,7 @@ struct Span {
     steps: u64,
 }
 
-fn print_row((update, task, goal): (&str, &str, f64), threads: usize, mut spans: Vec<Span>) {
+fn print_row(update: &str, task: &str, goal: f64, threads: usize, mut spans: Vec<Span>) {
     let share = |span: &Span| span.physics_secs / span.wall_secs / threads as f64;
     spans.sort_by(|a, b| share(a).total_cmp(&share(b)));
     let median = &spans[spans.len() / 2];
@@ -107,7 +107,8 @@ fn meta_updates(
     task: &Timed,
     set: &DemonstrationSet,
     rounds: usize,
-    (informed, order): (bool, Order),
+    informed: bool,
+    order: Order,
 ) -> Vec<Span> {
     let Config { policy, inner, meta_train, mutual_information, .. } = config_of(task);
     let information = informed.then_some(&mutual_information);
@@ -115,8 +116,8 @@ fn meta_updates(
     let (playground, seed) = (Playground::new(task), Seed::new(0));
     let state = MetaState::start(set, &policy, &training.discriminator_hidden, information, &seed);
     let mut watch = Watch::new(task, &playground);
-    let learning = (&training, &inner, &mutual_information);
-    meta_train::meta_train(set, &playground, learning, state, &seed, &mut watch).unwrap();
+    let learning = Learning { training: &training, inner: &inner, information };
+    meta_train::meta_train(set, &playground, &learning, state, &seed, &mut watch).unwrap();
     watch.spans
 }
 
@@ -132,9 +133,10 @@ fn imitation_updates(task: &Timed, set: &DemonstrationSet) -> Vec<Span> {
         ..imitate
     };
     let (playground, seed) = (Playground::new(task), Seed::new(0));
-    let state = ImitationState::start((set, &set.ids()), &policy, &imitation, &seed);
+    let state = ImitationState::start(set, &set.ids(), &policy, &imitation, &seed);
     let mut watch = Watch::new(task, &playground);
-    imitate::imitate(set, &playground, &imitation, state, &seed, ("", &mut watch)).unwrap();
+    let lesson = Lesson { set, playground: &playground, imitation: &imitation, part: "", seed: &seed };
+    imitate::imitate(&lesson, state, &mut watch).unwrap();
     watch.spans
 }
 

@@ -49,7 +49,7 @@ fn main() {
     }
 }
 
-fn print_row((task, what): (&str, &str), threads: usize, steps: usize, bare: Vec<f64>, played: Vec<f64>) {
+fn print_row(task: &str, what: &str, threads: usize, steps: usize, bare: Vec<f64>, played: Vec<f64>) {
     let ratio = median(bare.iter().zip(&played).map(|(bare, played)| played / bare).collect());
     let (bare, played) = (median(bare), median(played));
     let micros = |secs: f64| secs * threads as f64 / steps as f64 * 1e6;
@@ -92,7 +92,7 @@ fn compare_policy(name: &str, task: &MujocoTask, hidden: usize, threads: usize) 
         played.push(play().0);
     }
     let what = format!("policy {hidden}-{hidden}");
-    print_row((name, &what), threads, episodes * specification.horizon, bare, played);
+    print_row(name, &what, threads, episodes * specification.horizon, bare, played);
 }
 
 fn recorded_actions(played: &Trajectory) -> Vec<Vec<f32>> {
@@ -110,7 +110,7 @@ fn compare(name: &str, task: &MujocoTask, threads: usize) {
         bare.push(timed(threads, || step_bare(task, &actions)));
         played.push(timed(threads, || play(task, &actions)));
     }
-    print_row((name, "environment"), threads, threads * STEPS, bare, played);
+    print_row(name, "environment", threads, threads * STEPS, bare, played);
 }
 
 /// Actions in [−1, 1], the same for both ways.
@@ -154,16 +154,17 @@ fn step_bare(task: &MujocoTask, actions: &[Vec<f32>]) -> f64 {
     start.elapsed().as_secs_f64()
 }
 
-fn step_episode(
-    task: &MujocoTask,
-    data: &mut MjData<Arc<MjModel>>,
-    (qpos, qvel): &(Vec<f64>, Vec<f64>),
-    actions: &[Vec<f32>],
-) {
+/// The state in which an episode starts.
+struct Start {
+    qpos: Vec<f64>,
+    qvel: Vec<f64>,
+}
+
+fn step_episode(task: &MujocoTask, data: &mut MjData<Arc<MjModel>>, start: &Start, actions: &[Vec<f32>]) {
     let ranges = task.model().mujoco().actuator_ctrlrange();
     data.reset();
-    data.qpos_mut().copy_from_slice(qpos);
-    data.qvel_mut().copy_from_slice(qvel);
+    data.qpos_mut().copy_from_slice(&start.qpos);
+    data.qvel_mut().copy_from_slice(&start.qvel);
     for action in actions {
         for ((control, action), [low, high]) in data.ctrl_mut().iter_mut().zip(action).zip(ranges) {
             *control = 0.5 * (low + high) + 0.5 * (high - low) * f64::from(*action);
@@ -174,14 +175,14 @@ fn step_episode(
 }
 
 /// The initial states that the trait draws from these seeds.
-fn starts(task: &MujocoTask, seeds: impl IntoIterator<Item = Seed>) -> Vec<(Vec<f64>, Vec<f64>)> {
+fn starts(task: &MujocoTask, seeds: impl IntoIterator<Item = Seed>) -> Vec<Start> {
     let specification = task.specification();
     let mut environment = task.mujoco_environment().unwrap();
     let mut observation = vec![0.0; specification.observation_size];
     let mut measurements = vec![0.0; specification.measurements.len()];
     let state = |seed| {
         environment.reset(EnvVariant(0), seed, &mut observation, &mut measurements);
-        (environment.qpos().to_vec(), environment.qvel().to_vec())
+        Start { qpos: environment.qpos().to_vec(), qvel: environment.qvel().to_vec() }
     };
     seeds.into_iter().map(state).collect()
 }

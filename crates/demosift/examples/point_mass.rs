@@ -26,7 +26,7 @@ fn main() -> demosift::Result<()> {
         observer: &mut Silent,
     })?;
     for entry in &sifted.selection.ranking.entries {
-        println!("bearing {:5} gains {:+.2} m", bearings[entry.demo.0], entry.score);
+        println!("bearing {:5} gains {:+.2} m", bearings[entry.demo.0], entry.gain);
     }
     println!("{}", sifted.verdict.sentence);
     Ok(())

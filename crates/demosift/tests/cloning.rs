@@ -1,7 +1,9 @@
 //! Behavioral cloning as the inner update, and exact meta-gradients, through the whole flow on the point mass.
 #![allow(clippy::unwrap_used)]
 
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+mod fixtures;
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use demosift::basics::ledger::{InMemory, Ledger};
 use demosift::basics::observer::{Event, Observer, Silent};
@@ -22,6 +24,8 @@ use demosift::world::environment::Task;
 use demosift::world::point_mass::{PointMass, planted_set};
 use demosift::world::policy::PolicyShape;
 use demosift::world::rollout::Playground;
+
+use fixtures::Killed;
 
 /// Everything by behavioral cloning, with the exact meta-gradient.
 fn cloning(seed: u64) -> Config {
@@ -156,7 +160,7 @@ fn cloning_the_good_demonstration_from_scratch_beats_cloning_a_bad_one() {
         let playground = &Playground::new(&task);
         let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
         let run = &mut Run { set: &set, playground, config: &config, ledger, observer };
-        experiment::oracle(run, DemoId(demo), 0).unwrap()
+        experiment::oracle_curve(run, DemoId(demo), 0).unwrap()
     });
     assert!(good.outcome.score > bad.outcome.score + 0.5, "{:?} and {:?}", good.outcome, bad.outcome);
     assert!(good.outcome.score > -0.3, "{:?}", good.outcome);
@@ -229,32 +233,19 @@ fn one_thread_makes_what_four_threads_make() {
     assert_ne!(found[2].1, first(brief(gail(4))), "the orders differ by GAIL");
 }
 
-/// Kills the process, as far as a test can, at a checkpoint, and counts them.
-struct KilledAt {
-    checkpoint: usize,
-    seen: usize,
-}
-
-impl Observer for KilledAt {
-    fn on(&mut self, event: Event<'_>) {
-        if matches!(event, Event::Checkpoint { .. }) {
-            self.seen += 1;
-            if self.seen == self.checkpoint {
-                resume_unwind(Box::new("killed"));
-            }
-        }
-    }
+fn is_checkpoint(event: &Event<'_>) -> bool {
+    matches!(event, Event::Checkpoint { .. })
 }
 
 #[test]
 fn a_run_killed_at_any_checkpoint_goes_on_to_the_same_bytes() {
     for config in kinds() {
-        let (mut whole, mut never) = (InMemory::default(), KilledAt { checkpoint: 0, seen: 0 });
+        let (mut whole, mut never) = (InMemory::default(), Killed::never(is_checkpoint));
         let sifted = sift(&config, &mut whole, &mut never);
         assert!(never.seen >= 4, "meta-training and judging have checkpoints: {}", never.seen);
         for checkpoint in 1..=never.seen {
             let mut ledger = InMemory::default();
-            let mut killed = KilledAt { checkpoint, seen: 0 };
+            let mut killed = Killed::at(checkpoint, is_checkpoint);
             catch_unwind(AssertUnwindSafe(|| sift(&config, &mut ledger, &mut killed))).expect_err("killed");
             assert_eq!(sift(&config, &mut ledger, &mut Silent), sifted, "killed at checkpoint {checkpoint}");
             assert_eq!(nouns(&ledger), nouns(&whole), "killed at checkpoint {checkpoint}");

@@ -14,8 +14,8 @@ use demosift::learning::mutual_information::PosteriorFitting;
 use demosift::learning::trpo::TrustRegion;
 use demosift::results::artifact::Artifact as _;
 use demosift::results::panel::Judges;
-use demosift::results::recording::{self, Part};
-use demosift::run::experiment::{self, CloningJudge, Config, Keeping, Run};
+use demosift::results::recording::{self, Cast};
+use demosift::run::experiment::{self, Checkpointing, CloningJudge, Config, Run};
 use demosift::run::forecast::{self, By, Goal, Planned, Recording};
 use demosift::run::preset::Preset;
 use demosift::stages::demonstrator::{self, DemonstratorState, DemonstratorTraining};
@@ -172,7 +172,7 @@ impl Ledger for Killed {
         Ok(self.0.get(name).cloned())
     }
 
-    fn keep(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+    fn store(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
         self.0.insert(name.to_owned(), bytes.to_vec());
         Ok(())
     }
@@ -248,7 +248,7 @@ fn the_oracle_and_named_demonstrations_are_counted_and_not_twice() {
     let run = &mut Run { set: &set, playground: &playground, config: &config, ledger, observer };
     let goal = Goal::Oracle { repeats: 2, random: 0 };
     let all = forecast::planned(run, goal).unwrap();
-    experiment::oracle(run, DemoId(1), 0).unwrap();
+    experiment::oracle_curve(run, DemoId(1), 0).unwrap();
     let one = playground.steps_taken();
     assert_eq!(all[0].environment_steps, 10 * one);
     assert_eq!(forecast::planned(run, goal).unwrap()[0].environment_steps, 9 * one);
@@ -312,16 +312,16 @@ fn a_recording_is_counted() {
     let stages = {
         let observer = &mut Silent;
         let start = || DemonstratorState::start(&playground, &training, &seed.of("start"));
-        let (state, mut keeping) =
-            Keeping::begin((&mut ledger, observer), &playground, demonstrator::STAGE, "", start).unwrap();
-        let stages = demonstrator::train(&playground, &training, state, &seed, &mut keeping).unwrap();
-        keeping.finish("", &stages).unwrap();
+        let (state, mut checkpointing) =
+            Checkpointing::begin(&mut ledger, observer, &playground, demonstrator::STAGE, "", start).unwrap();
+        let stages = demonstrator::train(&playground, &training, state, &seed, &mut checkpointing).unwrap();
+        checkpointing.finish("", &stages).unwrap();
         stages
     };
     assert_eq!(planned[0].environment_steps, playground.steps_taken());
     let trained = playground.steps_taken();
     demonstrator::assess(&playground, &stages[4].policy, 10, &seed).unwrap();
-    let part = Part { playground: &playground, stages: stages.iter().take(4).collect() };
+    let part = Cast { playground: &playground, stages: stages.iter().take(4).collect() };
     recording::record(&[part], &seed).unwrap();
     assert_eq!(planned[1].environment_steps, playground.steps_taken() - trained);
     let rest = forecast::planned_recording(&playground, &asked, &ledger).unwrap();

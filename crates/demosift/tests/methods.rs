@@ -1,7 +1,9 @@
 //! The paper's methods on the point mass: what they spend, and what the selection by weights makes of a planted set.
 #![allow(clippy::unwrap_used)]
 
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+mod fixtures;
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use demosift::basics::ledger::{InMemory, Ledger};
 use demosift::basics::observer::{Event, Observer, Silent};
@@ -15,13 +17,15 @@ use demosift::run::experiment::{self, Config, Run};
 use demosift::run::preset::Preset;
 use demosift::stages::judge::Judging;
 use demosift::stages::meta_train::{MetaTraining, MutualInformation};
-use demosift::stages::method::{Method, Plan};
+use demosift::stages::method::{Budget, Method};
 use demosift::stages::select::{self, Keep};
 use demosift::stages::subset_selection::{SubsetSelection, Weighing};
 use demosift::world::environment::Task;
 use demosift::world::point_mass::{PointMass, planted_set};
 use demosift::world::policy::PolicyShape;
 use demosift::world::rollout::Playground;
+
+use fixtures::Killed;
 
 /// Steps of an episode of the point mass.
 const HORIZON: u64 = 30;
@@ -65,13 +69,13 @@ fn small(seed: u64, method: Method) -> Config {
 }
 
 /// Makes the prior and judges; what was planned, what the ledger says was spent on it, and what was really played.
-fn judged(set: &DemonstrationSet, task: &dyn Task, config: &Config) -> (Plan, u64, u64) {
+fn judged(set: &DemonstrationSet, task: &dyn Task, config: &Config) -> (Budget, u64, u64) {
     let playground = &Playground::new(task);
     let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
     let run = &mut Run { set, playground, config, ledger, observer };
     experiment::scores(run, Judge::Paper).unwrap();
     let costs = experiment::costs(run).unwrap();
-    (costs.plan, costs.of_quota(), playground.steps_taken())
+    (costs.budget, costs.of_quota(), playground.steps_taken())
 }
 
 /// Every method spends the quota, which is what plain MAML spends, but for less than one of its own steps.
@@ -199,30 +203,8 @@ fn algorithm_3_weights_of_good_demonstrations_rise_and_of_bad_ones_fall() {
     }
 }
 
-/// Kills the process, as far as a test can, at a checkpoint.
-struct KilledAt {
-    checkpoints_left: usize,
-}
-
-impl Observer for KilledAt {
-    fn on(&mut self, event: Event<'_>) {
-        if matches!(event, Event::Checkpoint { .. }) {
-            self.checkpoints_left -= 1;
-            if self.checkpoints_left == 0 {
-                resume_unwind(Box::new("killed"));
-            }
-        }
-    }
-}
-
-/// Counts the checkpoints of a whole run.
-#[derive(Default)]
-struct Count(usize);
-
-impl Observer for Count {
-    fn on(&mut self, event: Event<'_>) {
-        self.0 += usize::from(matches!(event, Event::Checkpoint { .. }));
-    }
+fn is_checkpoint(event: &Event<'_>) -> bool {
+    matches!(event, Event::Checkpoint { .. })
 }
 
 /// To the same bytes, those that tell what was spent among them.
@@ -249,13 +231,13 @@ fn a_method_killed_at_any_checkpoint_goes_on_to_the_same_bytes() {
             let run = &mut Run { set: &set, playground: &Playground::new(&task), config, ledger, observer };
             experiment::scores(run, Judge::Paper).unwrap();
         };
-        let (mut whole, mut count) = (InMemory::default(), Count::default());
+        let (mut whole, mut count) = (InMemory::default(), Killed::never(is_checkpoint));
         all(&mut whole, &mut count);
-        assert!(count.0 >= 3, "{method}: {}", count.0);
+        assert!(count.seen >= 3, "{method}: {}", count.seen);
         assert!(whole.recall("spent_judge_paper.json").unwrap().is_some());
-        for kill in 1..=count.0 {
+        for kill in 1..=count.seen {
             let mut ledger = InMemory::default();
-            let mut killed = KilledAt { checkpoints_left: kill };
+            let mut killed = Killed::at(kill, is_checkpoint);
             catch_unwind(AssertUnwindSafe(|| all(&mut ledger, &mut killed))).expect_err("killed");
             all(&mut ledger, &mut Silent);
             assert_eq!(nouns(&ledger), nouns(&whole), "{method} killed at checkpoint {kill}");

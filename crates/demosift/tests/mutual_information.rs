@@ -9,7 +9,7 @@ use demosift::learning::gail::Fitting;
 use demosift::learning::mutual_information::{Paid, PosteriorFitting};
 use demosift::math::rows::Rows;
 use demosift::run::preset::Preset;
-use demosift::stages::meta_train::{self, MetaState, MetaTraining, MutualInformation};
+use demosift::stages::meta_train::{self, Learning, MetaState, MetaTraining, MutualInformation};
 use demosift::world::environment::{EnvVariant, Task};
 use demosift::world::point_mass::PointMass;
 use demosift::world::policy::PolicyShape;
@@ -69,8 +69,9 @@ fn by_round(measured: &'static str, seed: u64, paid: Option<Paid>) -> Vec<f64> {
     let hidden = &training.discriminator_hidden;
     let asked = paid.is_some().then_some(&information);
     let state = MetaState::start(&set, &shape, hidden, asked, &seed.of("start"));
-    let (learning, mut log) = ((&training, &inner, &information), Measured(measured, Vec::new()));
-    meta_train::meta_train(&set, &playground, learning, state, &seed, &mut log).unwrap();
+    let learning = Learning { training: &training, inner: &inner, information: asked };
+    let mut log = Measured(measured, Vec::new());
+    meta_train::meta_train(&set, &playground, &learning, state, &seed, &mut log).unwrap();
     assert_eq!(log.1.len(), 15);
     log.1
 }

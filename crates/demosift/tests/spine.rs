@@ -1,7 +1,9 @@
 //! The whole flow on the point mass: good demonstrations come first, whatever the order, the threads and the kills.
 #![allow(clippy::unwrap_used)]
 
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+mod fixtures;
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use demosift::basics::ledger::{InMemory, Ledger};
 use demosift::basics::observer::{Event, Observer, Silent};
@@ -13,7 +15,7 @@ use demosift::learning::trpo::TrustRegion;
 use demosift::results::artifact::Artifact as _;
 use demosift::results::panel::{Judge, Judges};
 use demosift::results::recording;
-use demosift::run::experiment::{self, CloningJudge, Config, Keeping, Run, Sifted};
+use demosift::run::experiment::{self, Checkpointing, CloningJudge, Config, Run, Sifted};
 use demosift::run::preset::Preset;
 use demosift::stages::demonstrator::{self, DemonstratorState, DemonstratorTraining, Stage};
 use demosift::stages::imitate::Imitation;
@@ -27,6 +29,8 @@ use demosift::world::environment::{EnvVariant, Task};
 use demosift::world::point_mass::{PointMass, planted_set};
 use demosift::world::policy::PolicyShape;
 use demosift::world::rollout::Playground;
+
+use fixtures::Killed;
 
 /// Small enough for a test, large enough to rank.
 fn small(seed: u64) -> Config {
@@ -186,7 +190,7 @@ fn scores_do_not_depend_on_the_order_of_the_demonstrations() {
         let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
         let mut run = Run { set, playground, config: &config, ledger, observer };
         if let Some(prior) = prior {
-            prior.keep(run.ledger, "").unwrap();
+            prior.store(run.ledger, "").unwrap();
         }
         let table = experiment::scores(&mut run, Judge::Paper).unwrap();
         (experiment::prior(&mut run).unwrap(), table)
@@ -225,7 +229,7 @@ fn eq_9_each_goal_prefers_the_demonstration_that_goes_there() {
     for variant in 0..4 {
         let ranking = select::rank_under(&table, EnvVariant(variant));
         assert_eq!(ranking.entries[0].demo, DemoId(variant), "{:?}", order(&ranking));
-        let score = |demo| ranking.entries.iter().find(|entry| entry.demo == DemoId(demo)).unwrap().score;
+        let score = |demo| ranking.entries.iter().find(|entry| entry.demo == DemoId(demo)).unwrap().gain;
         assert!(score(variant) > score((variant + 2) % 4) + 0.5, "{ranking:?}");
     }
 }
@@ -242,7 +246,7 @@ fn eq_8_all_demonstrations_are_compared_with_the_same_episodes_before() {
         assert_eq!((suitability.after.len(), suitability.after[0].len()), (2, 10));
         let mean = |scores: &[f64]| scores.iter().sum::<f64>() / scores.len() as f64;
         let gain = mean(&suitability.after.concat()) - mean(&suitability.before.concat());
-        assert!((suitability.score() - gain).abs() < 1e-12);
+        assert!((suitability.gain() - gain).abs() < 1e-12);
     }
     assert_ne!(table.suitabilities[0].before, table.suitabilities[3].before, "another goal");
 }
@@ -282,32 +286,6 @@ fn algorithm_1_one_update_from_the_meta_discriminator_pays_less_alike() {
 /// Whether something was written down: a checkpoint, or one of the referee's trainings.
 fn is_kept(event: &Event<'_>) -> bool {
     matches!(event, Event::Checkpoint { .. } | Event::Advanced { stage: referee::STAGE, .. })
-}
-
-/// Kills the process, as far as a test can, at a checkpoint.
-struct KilledAt {
-    checkpoints_left: usize,
-}
-
-impl Observer for KilledAt {
-    fn on(&mut self, event: Event<'_>) {
-        if is_kept(&event) && self.checkpoints_left > 0 {
-            self.checkpoints_left -= 1;
-            if self.checkpoints_left == 0 {
-                resume_unwind(Box::new("killed"));
-            }
-        }
-    }
-}
-
-/// Counts the checkpoints of a whole run.
-#[derive(Default)]
-struct Count(usize);
-
-impl Observer for Count {
-    fn on(&mut self, event: Event<'_>) {
-        self.0 += usize::from(is_kept(&event));
-    }
 }
 
 fn brief(seed: u64) -> Config {
@@ -379,16 +357,16 @@ fn a_run_killed_at_any_checkpoint_goes_on_to_the_same_bytes() {
 }
 
 fn goes_on_to_the_same_bytes(config: &Config) {
-    let (mut whole, mut count) = (InMemory::default(), Count::default());
+    let (mut whole, mut count) = (InMemory::default(), Killed::never(is_kept));
     let sifted = sift(config, &mut whole, &mut count);
     assert!(
-        count.0 >= 13,
+        count.seen >= 13,
         "meta-training and judging have checkpoints, and the referee eleven trainings: {}",
-        count.0
+        count.seen
     );
-    for kill in 1..=count.0 {
+    for kill in 1..=count.seen {
         let mut ledger = InMemory::default();
-        let mut killed = KilledAt { checkpoints_left: kill };
+        let mut killed = Killed::at(kill, is_kept);
         catch_unwind(AssertUnwindSafe(|| sift(config, &mut ledger, &mut killed))).expect_err("killed");
         assert_eq!(sift(config, &mut ledger, &mut Silent), sifted, "killed at checkpoint {kill}");
         assert_eq!(nouns(&ledger), nouns(&whole), "killed at checkpoint {kill}");
@@ -400,9 +378,9 @@ fn nothing_is_made_twice_and_no_checkpoint_is_left() {
     let mut ledger = InMemory::default();
     let sifted = sift(&brief(4), &mut ledger, &mut Silent);
     assert!(!format!("{ledger:?}").contains("checkpoint"));
-    let mut again = Count::default();
+    let mut again = Killed::never(is_kept);
     assert_eq!(sift(&brief(4), &mut ledger, &mut again), sifted);
-    assert_eq!(again.0, 0, "everything was recalled");
+    assert_eq!(again.seen, 0, "everything was recalled");
 }
 
 #[test]
@@ -416,7 +394,7 @@ fn a_checkpoint_of_other_demonstrations_is_not_gone_on_with() {
     };
     let fresh = curve(&mut InMemory::default(), &mut Silent, 2);
     let mut ledger = InMemory::default();
-    let mut killed = KilledAt { checkpoints_left: 1 };
+    let mut killed = Killed::at(1, is_kept);
     catch_unwind(AssertUnwindSafe(|| curve(&mut ledger, &mut killed, 0))).expect_err("killed");
     assert_eq!(curve(&mut ledger, &mut Silent, 2), fresh);
 }
@@ -429,7 +407,7 @@ fn imitating_the_good_demonstration_alone_beats_imitating_a_bad_one() {
         let playground = &Playground::new(&task);
         let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
         let run = &mut Run { set: &set, playground, config: &config, ledger, observer };
-        experiment::oracle(run, DemoId(demo), 0).unwrap()
+        experiment::oracle_curve(run, DemoId(demo), 0).unwrap()
     });
     let [good, bad] = &mut outcomes;
     assert!(good.end.score > bad.end.score + 0.3, "{:?} and {:?}", good.end, bad.end);
@@ -483,9 +461,9 @@ fn train(ledger: &mut InMemory, observer: &mut dyn Observer, goals: usize) -> Ve
     let (task, training, seed) = (PointMass::with_goals(goals), training(), Seed::new(6));
     let playground = Playground::new(&task);
     let start = || DemonstratorState::start(&playground, &training, &seed);
-    let (state, mut keeping) =
-        Keeping::begin((ledger, observer), &playground, demonstrator::STAGE, "", start).unwrap();
-    demonstrator::train(&playground, &training, state, &seed, &mut keeping).unwrap()
+    let (state, mut checkpointing) =
+        Checkpointing::begin(ledger, observer, &playground, demonstrator::STAGE, "", start).unwrap();
+    demonstrator::train(&playground, &training, state, &seed, &mut checkpointing).unwrap()
 }
 
 #[test]
@@ -507,7 +485,7 @@ fn a_demonstrator_killed_at_a_checkpoint_goes_on_to_the_same_stages() {
     let whole = train(&mut InMemory::default(), &mut Silent, 1);
     for kill in [1, 2] {
         let mut ledger = InMemory::default();
-        let mut killed = KilledAt { checkpoints_left: kill };
+        let mut killed = Killed::at(kill, is_kept);
         catch_unwind(AssertUnwindSafe(|| train(&mut ledger, &mut killed, 1))).expect_err("killed");
         assert_eq!(train(&mut ledger, &mut Silent, 1), whole);
     }

@@ -430,6 +430,31 @@ fn the_library_reads_no_states_catches() {
 }
 
 #[test]
+fn arguments_have_names() {
+    tidy(rules::arguments_have_names(&crates()));
+}
+
+#[test]
+fn arguments_have_names_catches() {
+    let library = [
+        planted(
+            "trpo",
+            "fn f((how, alpha): (&How, f64)) {}\nfn g(sizes: &(usize, usize)) {}\nfn h<F: Fn(u8) -> u8>(\n    x: F,\n    pair: &mut (u8, u8),\n) {}",
+        ),
+        planted(
+            "gail",
+            "fn f(x: fn((u8, u8)), y: &dyn Fn((u8, u8)) -> (u8, u8), z: Vec<(u8, u8)>, (): ()) -> (u8, u8) {}\nlet f = |(a, b): (u8, u8)| a;",
+        ),
+    ];
+    caught(
+        &rules::arguments_have_names(&library),
+        &["crates/demosift/src/trpo.rs:1", "crates/demosift/src/trpo.rs:2", "crates/demosift/src/trpo.rs:3"],
+    );
+    let (library, place) = in_judging("fn planted((judging, seed): (&Judging, &Seed)) {}");
+    caught(&rules::arguments_have_names(&library), &[&place]);
+}
+
+#[test]
 fn unsafe_stands_in_named_files() {
     tidy(rules::unsafe_stands_in_named_files(&crates()));
 }

@@ -1,7 +1,7 @@
 //! The rules that need nothing but the words of a file.
 
 use crate::Violation;
-use crate::sources::Source;
+use crate::sources::{Source, is_word};
 use std::path::Path;
 
 /// Files that may hold unsafe code; each wraps one foreign call for which there is no safe one.
@@ -141,6 +141,89 @@ pub(crate) fn judging_knows_no_provenance(library: &[Source]) -> Vec<Violation> 
 pub(crate) fn library_reads_no_states(library: &[Source]) -> Vec<Violation> {
     let others = library.iter().filter(|source| !source.path.starts_with(STATES_READER));
     forbidden_words(others, &[STATES], "states", "a score could be worked out from them; replays are outside")
+}
+
+/// What travels together has a name: no function takes a tuple of arguments.
+pub(crate) fn arguments_have_names(sources: &[Source]) -> Vec<Violation> {
+    let mut violations = Vec::new();
+    for source in sources.iter().filter(|source| !source.path.contains("/tests/")) {
+        for position in source.words("fn") {
+            for parameter in parameters(&source.code[position + "fn".len()..]) {
+                let kind = split_outside(parameter, ':').get(1).map_or("", |kind| kind.trim());
+                let kind = kind.trim_start_matches('&');
+                let kind = if kind.starts_with('\'') { kind.trim_start_matches(|c| c != ' ') } else { kind };
+                let kind = kind.trim().trim_start_matches("mut ").trim();
+                if kind.starts_with('(') && kind != "()" {
+                    let message = format!("`{}`: give what travels together a name", kind.replace('\n', " "));
+                    violations.push(Violation::new(
+                        &source.path,
+                        source.line(position),
+                        "arguments",
+                        message,
+                    ));
+                }
+            }
+        }
+    }
+    violations
+}
+
+/// The parameters of a function, from what follows the word `fn`; none of a function's type, which has no name.
+fn parameters(after_fn: &str) -> Vec<&str> {
+    let after_name = after_fn.trim_start().trim_start_matches(is_word);
+    if after_name.len() == after_fn.trim_start().len() {
+        return Vec::new();
+    }
+    let generics = if after_name.starts_with('<') { enclosed(after_name).len() + 2 } else { 0 };
+    match after_name[generics..].starts_with('(') {
+        true => split_outside(enclosed(&after_name[generics..]), ','),
+        false => Vec::new(),
+    }
+}
+
+/// What stands within the first bracket and its partner.
+fn enclosed(text: &str) -> &str {
+    let mut depth = 0;
+    for (position, character, is_arrow) in with_arrows(text) {
+        depth += step(character, is_arrow);
+        if depth == 0 {
+            return &text[1..position];
+        }
+    }
+    &text[1..]
+}
+
+/// The pieces between separators that stand in no bracket.
+fn split_outside(text: &str, separator: char) -> Vec<&str> {
+    let (mut depth, mut start, mut pieces) = (0, 0, Vec::new());
+    for (position, character, is_arrow) in with_arrows(text) {
+        if depth == 0 && character == separator {
+            pieces.push(&text[start..position]);
+            start = position + 1;
+        }
+        depth += step(character, is_arrow);
+    }
+    pieces.push(&text[start..]);
+    pieces
+}
+
+/// Each character, and whether it is the end of an arrow.
+fn with_arrows(text: &str) -> impl Iterator<Item = (usize, char, bool)> {
+    let mut before = ' ';
+    text.char_indices().map(move |(position, character)| {
+        let is_arrow = character == '>' && (before == '-' || before == '=');
+        before = character;
+        (position, character, is_arrow)
+    })
+}
+
+fn step(character: char, is_arrow: bool) -> i32 {
+    match character {
+        '(' | '[' | '{' | '<' => 1,
+        ')' | ']' | '}' => -1,
+        '>' if !is_arrow => -1,
+        _ => 0,
+    }
 }
 
 /// A file can be read in one sitting.

@@ -6,8 +6,8 @@ use demosift::data::demonstration::episode::{Episode, Source};
 use demosift::data::demonstration::{self, lerobot, minari};
 use demosift::data::trajectory::StateLog;
 use demosift::{Error, Result};
-use serde_json::json;
 
+use crate::answers;
 use crate::arguments::{ConvertArguments, Target};
 use crate::demonstrations;
 use crate::writing::undisturbed;
@@ -30,7 +30,7 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
     }
     let total: usize = source.episodes.iter().map(|episode| episode.actions.len()).sum();
     if arguments.json {
-        terminal::show_json(&json!({ "episodes": source.episodes.len(), "steps": total, "out": out }));
+        terminal::show_json(&answers::Convert { episodes: source.episodes.len(), steps: total, out });
         return Ok(());
     }
     let count = match source.episodes.len() {

@@ -6,8 +6,8 @@ use std::time::Instant;
 use demosift::Result;
 use demosift::run::forecast::{self, Forecast, Goal};
 use demosift::world::environment::Task;
-use serde_json::json;
 
+use crate::answers::DryRun;
 use crate::arguments::RunArguments;
 use crate::job::Job;
 use crate::tables;
@@ -34,12 +34,9 @@ pub(super) fn clock() -> impl FnMut() -> f64 {
 pub(super) fn show(forecast: &Forecast, task: &dyn Task, folder: &Path, arguments: &RunArguments) {
     let threads = rayon::current_num_threads();
     if arguments.json {
-        let mut said = json!(forecast);
-        said["dry_run"] = json!(true);
-        said["episodes_may_end_early"] = json!(task.may_end_early());
-        said["threads"] = json!(threads);
-        said["run_folder"] = json!(folder);
-        terminal::show_json(&said);
+        let episodes_may_end_early = task.may_end_early();
+        let run_folder = folder;
+        terminal::show_json(&DryRun { forecast, dry_run: true, episodes_may_end_early, threads, run_folder });
         return;
     }
     terminal::show(&tables::forecast::in_words(forecast, threads));

@@ -13,9 +13,11 @@ use demosift::stages::referee::Verdict;
 use demosift::stages::select::{Ranking, Subset};
 use demosift::stages::subset_selection::Weighing;
 use demosift::{Error, Result};
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::Value;
 
 use super::convert;
+use crate::answers::{self, Exported};
 use crate::arguments::{ExportArguments, Form, SourceArguments};
 use crate::configuration::Layer;
 use crate::demonstrations::{self, Demonstrations};
@@ -145,19 +147,23 @@ fn add_filter_key(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
 /// Every demonstration of a run, with where the numbers come from.
 fn as_json(kept: &Kept) -> Result<Value> {
     let configuration = Layer::from_file(&kept.folder.path().join(run_folder::RESOLVED))?;
-    Ok(json!({
-        "demosift": kept.identity.demosift,
-        "task": kept.identity.task,
-        "task_sha256": kept.identity.task_sha256,
-        "variant": kept.identity.variant,
-        "data": kept.data,
-        "seed": configuration.values.get("seed"),
-        "configuration": configuration.values,
-        "demonstrations": rows(kept)?,
+    Ok(value(&answers::Export {
+        demosift: &kept.identity.demosift,
+        task: &kept.identity.task,
+        task_sha256: kept.identity.task_sha256.as_deref(),
+        variant: kept.identity.variant.as_deref(),
+        data: &kept.data,
+        seed: configuration.values.get("seed"),
+        configuration: &configuration.values,
+        demonstrations: rows(kept)?,
     }))
 }
 
-fn rows(kept: &Kept) -> Result<Vec<Value>> {
+fn value(answer: &impl Serialize) -> Value {
+    serde_json::to_value(answer).expect("plain data always serializes")
+}
+
+fn rows(kept: &Kept) -> Result<Vec<Exported<'_>>> {
     let ranking = Ranking::recall(&kept.folder, "")?
         .ok_or_else(|| Error::bad_input("this run has no ranking").at(kept.folder.path()))?;
     let uncertainty = Uncertainty::recall(&kept.folder, "")?;
@@ -166,20 +172,20 @@ fn rows(kept: &Kept) -> Result<Vec<Value>> {
     let rows = ranking.entries.iter().enumerate().map(|(rank, ranked)| {
         let demo: DemoId = ranked.demo;
         let doubt = uncertainty.as_ref().and_then(|uncertainty| uncertainty.of(demo));
-        json!({
-            "demonstration": demo,
-            "label": kept.demonstrations.source.episodes[demo.0].label,
-            "steps": kept.demonstrations.set.get(demo).steps(),
-            "rank": rank + 1,
-            "kept": kept.ids.contains(&demo.0),
-            "score": ranked.score,
-            "low": doubt.map(|doubt| doubt.low),
-            "high": doubt.map(|doubt| doubt.high),
-            "before": ranked.before,
-            "after": ranked.after,
-            "improves": doubt.map(|doubt| doubt.improves),
-            "weight": weights.map(|weights| weights.of(demo)),
-        })
+        Exported {
+            demonstration: demo,
+            label: &kept.demonstrations.source.episodes[demo.0].label,
+            steps: kept.demonstrations.set.get(demo).steps(),
+            rank: rank + 1,
+            kept: kept.ids.contains(&demo.0),
+            score: ranked.gain,
+            low: doubt.map(|doubt| doubt.low),
+            high: doubt.map(|doubt| doubt.high),
+            before: ranked.before,
+            after: ranked.after,
+            improves: doubt.map(|doubt| doubt.improves),
+            weight: weights.map(|weights| weights.of(demo)),
+        }
     });
     Ok(rows.collect())
 }
@@ -210,7 +216,7 @@ fn as_csv(kept: &Kept) -> Result<String> {
         kept.data.sha256,
         COLUMNS.join(",")
     );
-    for row in rows(kept)? {
+    for row in rows(kept)?.iter().map(value) {
         let cells = COLUMNS.map(|column| match &row[column] {
             Value::Null => String::new(),
             Value::String(word) if word.contains([',', '"', '\n']) => {

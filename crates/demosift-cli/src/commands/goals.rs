@@ -4,13 +4,30 @@
 use demosift::Result;
 use demosift::run::experiment;
 use demosift::run::forecast::{self, Goal};
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::{dry_run, judge};
-use crate::arguments::RunArguments;
-use crate::job::Job;
+use crate::answers::Goals;
+use crate::arguments::{JobArguments, RunArguments};
+use crate::job::{Job, Prior};
 use crate::tables::by_variant;
 use crate::terminal;
+
+/// The head of a command that does `one` for each goal: opens the job and does it, or says what it would cost; `whole` is what
+/// would be done of a task with one goal, and `after` what for each of several.
+pub(super) fn run(
+    arguments: &JobArguments,
+    whole: Goal<'_>,
+    after: Option<Goal<'_>>,
+    one: impl FnMut(&mut Job, bool) -> Result<Value>,
+) -> Result<Job> {
+    let mut job = Job::open(arguments, Prior::Needed)?;
+    match arguments.run.dry_run {
+        true => dry_run_each(&mut job, whole, after, &arguments.run)?,
+        false => each(&mut job, &arguments.run, one)?,
+    }
+    Ok(job)
+}
 
 /// Does `one` with the job, or with that of each of its goals where there are several, after they were judged together.
 ///
@@ -41,11 +58,8 @@ pub(super) fn each(
         found.push(one(&mut job.for_goal(goal, false)?, arguments.json)?);
     }
     if arguments.json {
-        terminal::show_json(&json!({
-            "goals": goals.iter().cloned().zip(found).collect::<serde_json::Map<_, _>>(),
-            "judges": panel,
-            "run_folder": job.folder().path(),
-        }));
+        let goals = goals.iter().cloned().zip(found).collect();
+        terminal::show_json(&Goals { goals, judges: &panel, run_folder: job.folder().path() });
     }
     Ok(())
 }

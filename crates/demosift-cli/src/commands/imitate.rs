@@ -5,9 +5,10 @@ use demosift::results::gain;
 use demosift::run::experiment;
 use demosift::run::forecast::Goal;
 use demosift::{Error, Result};
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::{dry_run, goals, kept_in, select};
+use crate::answers::{self, OfRun};
 use crate::arguments::ImitateArguments;
 use crate::job::{Job, Prior};
 use crate::{tables, terminal};
@@ -35,15 +36,13 @@ fn compare(job: &mut Job, json: bool) -> Result<Value> {
         Ok((from_subset, experiment::learning_curve(run, "all", &ids)?))
     })?;
     if json {
-        return Ok(json!({
-            "kept": from_subset.demos,
-            "from_subset": from_subset.outcome,
-            "from_all": from_all.outcome,
-            "gain": gain::gain(&from_subset.outcome, &from_all.outcome),
-            "unit": job.unit(),
-            "variant": job.variant(),
-            "run_folder": job.folder().path(),
-        }));
+        let found = answers::Imitate {
+            kept: &from_subset.demos,
+            from_subset: from_subset.outcome,
+            from_all: from_all.outcome,
+            gain: gain::gain(&from_subset.outcome, &from_all.outcome),
+        };
+        return Ok(OfRun::new(job, found).value());
     }
     terminal::show(&tables::comparison(job.set(), &from_subset, &from_all, job.unit()));
     terminal::show(&kept_in(job.folder(), job.variant()));
@@ -53,13 +52,8 @@ fn compare(job: &mut Job, json: bool) -> Result<Value> {
 fn imitate_named(job: &mut Job, demos: &[DemoId], json: bool) -> Result<()> {
     let curve = job.run(|run| experiment::learning_curve(run, &part(demos), demos))?;
     if json {
-        terminal::show_json(&json!({
-            "demonstrations": demos,
-            "outcome": curve.outcome,
-            "unit": job.unit(),
-            "variant": job.variant(),
-            "run_folder": job.folder().path(),
-        }));
+        let found = answers::ImitateNamed { demonstrations: demos, outcome: curve.outcome };
+        terminal::show_json(&OfRun::new(job, found));
         return Ok(());
     }
     terminal::show(&tables::policies(

@@ -3,8 +3,8 @@
 use demosift::Result;
 use demosift::data::demonstration::inspection::{self, Inspection, Spread};
 use demosift::run::experiment;
-use serde_json::json;
 
+use crate::answers;
 use crate::arguments::InspectArguments;
 use crate::tables::table;
 use crate::{demonstrations, task, terminal};
@@ -27,15 +27,18 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<()> {
     });
     let wrong = set.as_ref().err().map(ToString::to_string);
     if arguments.json {
-        terminal::show_json(&json!({
-            "path": path,
-            "inspection": seen,
-            "learnable": wrong.is_none(),
-            "why_not": wrong,
-            "task": arguments.task,
-            "fits_task": fits.as_ref().map(std::result::Result::is_ok),
-            "why_it_does_not_fit": fits.as_ref().and_then(|fits| fits.as_ref().err()),
-        }));
+        terminal::show_json(&answers::Inspect {
+            path: &path,
+            inspection: &seen,
+            learnable: wrong.is_none(),
+            why_not: wrong.as_deref(),
+            task: arguments.task.as_deref(),
+            fits_task: fits.as_ref().map(std::result::Result::is_ok),
+            why_it_does_not_fit: fits
+                .as_ref()
+                .and_then(|fits| fits.as_ref().err())
+                .map(std::string::String::as_str),
+        });
         return Ok(());
     }
     terminal::show(&format!("{}\n\n", summary(&seen)));

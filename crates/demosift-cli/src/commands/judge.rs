@@ -4,10 +4,9 @@ use demosift::Result;
 use demosift::results::panel::{Judge, Opinion, Panel};
 use demosift::run::experiment;
 use demosift::run::forecast::Goal;
-use demosift::stages::judge::ScoreTable;
-use serde_json::{Value, json};
 
 use super::{dry_run, kept_in};
+use crate::answers::{self, OfRun};
 use crate::arguments::JobArguments;
 use crate::job::{Job, Prior};
 use crate::tables::by_variant;
@@ -29,18 +28,15 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let (Opinion { ranking, uncertainty, .. }, beside) = (panel.deciding(), job.beside(data_only));
     let found = || panel.opinions.iter().zip(&tables);
     if arguments.run.json {
-        let judges: Vec<_> = found().map(|(opinion, scores)| of_judge(opinion, scores)).collect();
-        terminal::show_json(&json!({
-            "judges": judges,
-            "decides": panel.decides,
-            "agreement": panel.agreement,
-            "disagreements": panel.disagreements,
-            "data_only": judgment::data_only_json(ranking, &beside.data_only),
-            "costs": costs::as_json(&costs),
-            "unit": job.unit(),
-            "variant": job.variant(),
-            "run_folder": job.folder().path(),
-        }));
+        let answer = answers::Judge {
+            judges: found().map(|(opinion, scores)| answers::OfJudge::new(opinion, scores)).collect(),
+            decides: panel.decides,
+            agreement: panel.agreement,
+            disagreements: &panel.disagreements,
+            columns: answers::Columns::new(ranking, &beside),
+            costs: answers::Spending::of(&costs),
+        };
+        terminal::show_json(&OfRun::new(&job, answer));
         return Ok(());
     }
     let judgment = Judgment { set: job.set(), ranking, uncertainty, unit: job.unit(), k: job.k() };
@@ -56,18 +52,6 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     terminal::show(&costs::played(&costs));
     terminal::show(&kept_in(job.folder(), job.variant()));
     Ok(())
-}
-
-fn of_judge(opinion: &Opinion, scores: &ScoreTable) -> Value {
-    json!({
-        "judge": opinion.judge,
-        "vote": opinion.vote,
-        "agrees_with_itself": opinion.agrees_with_itself,
-        "scores": scores,
-        "adapted_behaviors_distance": scores.adapted_behaviors_distance(),
-        "uncertainty": opinion.uncertainty,
-        "caveat": opinion.uncertainty.caveat(),
-    })
 }
 
 /// Whether [`first_then_all`] has shown the ranking that decides.

@@ -4,9 +4,9 @@ use demosift::Result;
 use demosift::run::experiment;
 use demosift::run::forecast::Goal;
 use demosift::stages::method::Method;
-use serde_json::json;
 
 use super::{dry_run, kept_in};
+use crate::answers::{self, OfRun};
 use crate::arguments::JobArguments;
 use crate::job::{Job, Prior};
 use crate::tables::costs;
@@ -20,11 +20,8 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     job.run(experiment::prior)?;
     let costs = job.costs()?;
     if arguments.run.json {
-        terminal::show_json(&json!({
-            "costs": costs::as_json(&costs),
-            "variant": job.variant(),
-            "run_folder": job.folder().path(),
-        }));
+        let found = answers::MetaTrain { costs: answers::Spending::of(&costs) };
+        terminal::show_json(&OfRun::new(&job, found));
     } else {
         terminal::show(&format!("{}\n", what_came_of_it(job.method())));
         terminal::show(&costs::played(&costs));

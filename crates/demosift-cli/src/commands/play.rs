@@ -16,8 +16,8 @@ use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::pictures::film::{self, Film, Take, Wanted};
 use demosift_mujoco::pictures::render::Viewpoint;
 use demosift_mujoco::replay;
-use serde_json::json;
 
+use crate::answers;
 use crate::arguments::{PictureArguments, PlayArguments};
 use crate::demonstrations::{self, Demonstrations};
 use crate::job;
@@ -49,13 +49,14 @@ pub(crate) fn run(arguments: &PlayArguments) -> Result<()> {
     let unit = chosen.task.heuristic().unit();
     let folder = studio.map(|studio| studio.film(&episodes, unit)).transpose()?;
     if arguments.json {
-        let rows: Vec<_> = episodes
-            .iter()
-            .map(|Episode { name, steps, score, succeeded, .. }| {
-                json!({ "episode": name, "steps": steps, "score": score, "succeeded": succeeded })
-            })
-            .collect();
-        terminal::show_json(&json!({ "episodes": rows, "unit": unit, "pictures": folder }));
+        let row = |episode: &'_ Episode| answers::Episode {
+            episode: episode.name.clone(),
+            steps: episode.steps,
+            score: episode.score,
+            succeeded: episode.succeeded,
+        };
+        let episodes = episodes.iter().map(row).collect();
+        terminal::show_json(&answers::Play { episodes, unit, pictures: folder.as_deref() });
         return Ok(());
     }
     terminal::show(&table(&episodes, unit));

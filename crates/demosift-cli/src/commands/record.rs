@@ -10,21 +10,21 @@ use demosift::data::demonstration::d4rl::{self, Episode, States};
 use demosift::data::demonstration::episode::RECORDED;
 use demosift::math::rows::Rows;
 use demosift::results::artifact::{self, Artifact as _, onnx};
-use demosift::results::recording::{self, Origin, Part, Recorded};
-use demosift::run::experiment::{self, Keeping};
+use demosift::results::recording::{self, Cast, Origin, Recorded};
+use demosift::run::experiment::{self, Checkpointing};
 use demosift::run::forecast::{self, By, Forecast};
 use demosift::stages::demonstrator::{self, DemonstratorState, DemonstratorTraining, Outcome, Stage};
 use demosift::world::rollout::Playground;
 use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};
-use serde_json::json;
 use toml::{Table, Value};
 
 use self::source::{Guest, Source};
 use super::{dry_run, kept_in};
+use crate::answers;
 use crate::arguments::{RecordArguments, RunArguments};
 use crate::configuration;
-use crate::job::{self, Plan};
+use crate::job::{self, Request};
 use crate::metrics_file::MetricsFile;
 use crate::run_folder::RunFolder;
 use crate::tables::{self, Scale};
@@ -86,7 +86,7 @@ struct Demonstrator {
 pub(crate) fn run(arguments: &RecordArguments) -> Result<()> {
     job::use_threads(arguments.run.threads)?;
     let given = arguments.demonstrator.as_deref().map(Source::of).transpose()?;
-    let plan = Plan::of(&with_task(arguments, given.as_ref()), None, None)?;
+    let plan = Request::of(&with_task(arguments, given.as_ref()), None, None)?;
     let values = values(arguments, given, &plan)?;
     let recording: Recording = configuration::typed(values.clone())?;
     check(&recording, &plan)?;
@@ -100,11 +100,8 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<()> {
             (None, _) => make(&plan, &recording, &mut folder)?,
         };
     if arguments.run.json {
-        let mut said = json!({ "provenance": provenance, "run_folder": folder.path() });
-        if let Some(unseen) = unseen {
-            said["unseen"] = json!(unseen.demonstrations);
-        }
-        terminal::show_json(&said);
+        let unseen = unseen.as_ref().map(|unseen| &unseen.demonstrations);
+        terminal::show_json(&answers::Record { provenance: &provenance, unseen, run_folder: folder.path() });
         return Ok(());
     }
     let unit = plan.chosen.task.heuristic().unit();
@@ -123,7 +120,7 @@ fn with_task(arguments: &RecordArguments, given: Option<&Source>) -> RunArgument
 }
 
 /// All that the recording depends on: what is asked for now, or was when it began.
-fn values(arguments: &RecordArguments, given: Option<Source>, plan: &Plan) -> Result<Table> {
+fn values(arguments: &RecordArguments, given: Option<Source>, plan: &Request) -> Result<Table> {
     let begun = plan.begun.as_ref().map(|begun| &begun.configuration);
     let mut values = configuration::of_recording(plan.values.clone());
     for (name, given, default) in [("count", arguments.count, 8), ("unseen", arguments.unseen, 0)] {
@@ -154,7 +151,7 @@ fn values(arguments: &RecordArguments, given: Option<Source>, plan: &Plan) -> Re
 }
 
 /// Whether the numbers mean something and the demonstrators fit, before the run folder is touched.
-fn check(recording: &Recording, plan: &Plan) -> Result<()> {
+fn check(recording: &Recording, plan: &Request) -> Result<()> {
     let Recording { count, unseen, guests, .. } = recording;
     if *count < 2 {
         return Err(Error::bad_config(format!("--count {count}: must be at least 2")));
@@ -194,7 +191,12 @@ fn check(recording: &Recording, plan: &Plan) -> Result<()> {
 }
 
 /// What the recording would cost.
-fn foresee(plan: &Plan, recording: &Recording, folder: &RunFolder, arguments: &RunArguments) -> Result<()> {
+fn foresee(
+    plan: &Request,
+    recording: &Recording,
+    folder: &RunFolder,
+    arguments: &RunArguments,
+) -> Result<()> {
     let guests = recording.guests.len();
     let trained = match &recording.recorded_from {
         Some(source) => source.stages(&plan.chosen)?.pop(),
@@ -230,7 +232,7 @@ fn recall(folder: &RunFolder, name: &str) -> Result<Option<Provenance>> {
 
 /// Trains, records and writes everything; the provenance of the set comes last, since it says that the recording is whole.
 fn make(
-    plan: &Plan,
+    plan: &Request,
     recording: &Recording,
     folder: &mut RunFolder,
 ) -> Result<(Provenance, Option<Provenance>)> {
@@ -248,10 +250,10 @@ fn make(
         Some(share) => vec![recording::stage_at(&all, share)?; own],
         None => recording::choose_stages(&all, own)?,
     };
-    let mut parts = vec![Part { playground: &playground, stages: chosen }];
+    let mut parts = vec![Cast { playground: &playground, stages: chosen }];
     let mut visitors = Vec::with_capacity(guests.len());
     for (index, (guest, playground)) in guests.iter().zip(&playgrounds).enumerate() {
-        parts.push(Part { playground, stages: recording::guest_stages(&guest.stages, guest.count)? });
+        parts.push(Cast { playground, stages: recording::guest_stages(&guest.stages, guest.count)? });
         visitors.push(finished(playground, &guest.stages, &seed.of("final of guest").at(index))?);
     }
     let recorded = recording::record(&parts, &seed)?;
@@ -260,19 +262,19 @@ fn make(
     let unseen = if recording.unseen > 0 {
         let others = recording::other_stages(&stages, &parts[0].stages, recording.unseen);
         let stages = recording::choose_stages(&others, recording.unseen)?;
-        let recorded = recording::record(&[Part { playground: &playground, stages }], &seed.of("unseen"))?;
+        let recorded = recording::record(&[Cast { playground: &playground, stages }], &seed.of("unseen"))?;
         write(&folder.path().join(UNSEEN_SET_FILE), &recorded)?;
         let provenance = Provenance::of(demonstrator.clone(), Vec::new(), &recorded);
-        provenance.keep(folder, UNSEEN_PROVENANCE_FILE)?;
+        provenance.store(folder, UNSEEN_PROVENANCE_FILE)?;
         Some(provenance)
     } else {
         None
     };
     let last = stages.last().expect("training keeps its last stage");
-    folder.keep("policy_demonstrator.safetensors", &artifact::write_policy(&last.policy))?;
-    onnx::keep_policy(folder, "demonstrator", &last.policy, playground.specification())?;
+    folder.store("policy_demonstrator.safetensors", &artifact::write_policy(&last.policy))?;
+    onnx::store_policy(folder, "demonstrator", &last.policy, playground.specification())?;
     let provenance = Provenance::of(demonstrator, visitors, &recorded);
-    provenance.keep(folder, PROVENANCE_FILE)?;
+    provenance.store(folder, PROVENANCE_FILE)?;
     Ok((provenance, unseen))
 }
 
@@ -297,10 +299,10 @@ impl Provenance {
         Self { demonstrator, guests, demonstrations }
     }
 
-    fn keep(&self, folder: &mut RunFolder, name: &str) -> Result<()> {
+    fn store(&self, folder: &mut RunFolder, name: &str) -> Result<()> {
         let mut json = serde_json::to_vec_pretty(self).expect("names and numbers are JSON");
         json.push(b'\n');
-        folder.keep(name, &json)
+        folder.store(name, &json)
     }
 }
 
@@ -308,7 +310,7 @@ impl Provenance {
 fn stages(
     playground: &Playground<'_>,
     recording: &Recording,
-    plan: &Plan,
+    plan: &Request,
     folder: &mut RunFolder,
 ) -> Result<Vec<Stage>> {
     if let Some(stages) = Vec::recall(folder, "")? {
@@ -320,7 +322,7 @@ fn stages(
     let training = recording.demonstrator.as_ref().expect("a recording has a training or a source");
     let mut progress = Progress::new(MetricsFile::open(folder.path())?);
     let seed = Seed::new(recording.seed).of("demonstrator");
-    let stages = train(playground, training, &seed, (folder, &mut progress));
+    let stages = train(playground, training, &seed, folder, &mut progress);
     let told = progress.finish();
     let stages = stages?;
     told?;
@@ -331,13 +333,14 @@ fn train(
     playground: &Playground<'_>,
     training: &DemonstratorTraining,
     seed: &Seed,
-    (folder, progress): (&mut RunFolder, &mut Progress),
+    folder: &mut RunFolder,
+    progress: &mut Progress,
 ) -> Result<Vec<Stage>> {
     let start = || DemonstratorState::start(playground, training, &seed.of("start"));
-    let (state, mut keeping) =
-        Keeping::begin((folder, progress), playground, demonstrator::STAGE, "", start)?;
-    let stages = demonstrator::train(playground, training, state, seed, &mut keeping)?;
-    keeping.finish("", &stages)?;
+    let (state, mut checkpointing) =
+        Checkpointing::begin(folder, progress, playground, demonstrator::STAGE, "", start)?;
+    let stages = demonstrator::train(playground, training, state, seed, &mut checkpointing)?;
+    checkpointing.finish("", &stages)?;
     Ok(stages)
 }
 

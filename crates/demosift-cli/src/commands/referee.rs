@@ -3,19 +3,16 @@
 use demosift::Result;
 use demosift::run::experiment;
 use demosift::run::forecast::Goal;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::{goals, kept_in};
+use crate::answers::{self, OfRun};
 use crate::arguments::JobArguments;
-use crate::job::{Job, Prior};
+use crate::job::Job;
 use crate::{tables, terminal};
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
-    let mut job = Job::open(arguments, Prior::Needed)?;
-    if arguments.run.dry_run {
-        return goals::dry_run_each(&mut job, Goal::Verdict, Some(Goal::Referee), &arguments.run);
-    }
-    goals::each(&mut job, &arguments.run, one)
+    goals::run(arguments, Goal::Verdict, Some(Goal::Referee), one).map(drop)
 }
 
 /// The referee of a task with one goal.
@@ -26,12 +23,7 @@ fn one(job: &mut Job, json: bool) -> Result<Value> {
         experiment::verdict(run, &experiment::worth_training_on(run, &panel, &selection)?)
     })?;
     if json {
-        return Ok(json!({
-            "verdict": verdict,
-            "unit": job.unit(),
-            "variant": job.variant(),
-            "run_folder": job.folder().path(),
-        }));
+        return Ok(OfRun::new(job, answers::Referee { verdict: &verdict }).value());
     }
     terminal::show(&tables::verdict::verdict(&verdict, job.unit()));
     terminal::show(&kept_in(job.folder(), job.variant()));

@@ -9,8 +9,8 @@ use demosift::results::data_only::DataOnly;
 use demosift::results::report;
 use demosift::results::report::{Report, Sources};
 use demosift::run::experiment;
-use serde_json::json;
 
+use crate::answers::ReportMade;
 use crate::arguments::ReportArguments;
 use crate::job::{Job, Prior};
 use crate::report::{page, replay};
@@ -31,7 +31,7 @@ pub(crate) fn run(arguments: &ReportArguments) -> Result<()> {
     }
     let found = gather(&mut job)?;
     let page = write_found(&mut job, &found)?;
-    terminal::show_json(&json!({ "report": found.report, "page": page }));
+    terminal::show_json(&ReportMade { report: &found.report, page: &page });
     Ok(())
 }
 
@@ -49,21 +49,22 @@ pub(super) fn write(job: &mut Job) -> Result<PathBuf> {
 }
 
 fn gather(job: &mut Job) -> Result<Found> {
-    let (panel, opinions, costs) = job.run(|run| {
+    let (panel, data_only, costs) = job.run(|run| {
         for judge in run.config.judges.each() {
             report::judged(run.ledger, *judge)?;
         }
-        let opinions = DataOnly::recall(run.ledger, "")?.unwrap_or_default();
-        Ok((experiment::panel(run)?, opinions, experiment::costs(run)?))
+        let data_only = DataOnly::recall(run.ledger, "")?.unwrap_or_default();
+        Ok((experiment::panel(run)?, data_only, experiment::costs(run)?))
     })?;
-    let beside = job.beside(opinions);
+    let beside = job.beside(data_only);
     let report = report::report(&Sources {
         ledger: job.folder(),
         set: job.set(),
         task: job.chosen().task.as_ref(),
         keep: job.keep(),
         panel: &panel,
-        opinions: &beside.data_only,
+        data_only: &beside.data_only,
+        own_heuristic: beside.own.as_ref(),
         costs: &costs,
     })?;
     Ok(Found { report, unusable: beside.unusable.map(|why| why.message().to_owned()) })

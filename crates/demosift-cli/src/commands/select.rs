@@ -6,48 +6,31 @@ use demosift::run::experiment::{self, Run, Selection};
 use demosift::run::forecast::Goal;
 use demosift::stages::select::Keep;
 use demosift::stages::subset_selection::Weighing;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::{goals, kept_in};
+use crate::answers::{self, OfRun};
 use crate::arguments::JobArguments;
-use crate::job::{Job, Prior};
+use crate::job::Job;
 use crate::tables::judgment::{self, Judgment, Kept};
 use crate::tables::{costs, weights};
 use crate::terminal;
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
-    let mut job = Job::open(arguments, Prior::Needed)?;
-    if arguments.run.dry_run {
-        return goals::dry_run_each(&mut job, Goal::Selection, None, &arguments.run);
-    }
-    goals::each(&mut job, &arguments.run, one)
+    goals::run(arguments, Goal::Selection, None, one).map(drop)
 }
 
 /// The selection of a task with one goal.
 fn one(job: &mut Job, json: bool) -> Result<Value> {
-    let Selection { ranking, uncertainty, subset } = job.run(selection)?;
+    let selection = job.run(selection)?;
     let (weighing, costs) = (weighing(job)?, job.costs()?);
     if json {
-        return Ok(json!({
-            "ranking": ranking.entries,
-            "uncertainty": uncertainty,
-            "caveat": uncertainty.caveat(),
-            "kept": subset.demos,
-            "weighing": weighing,
-            "costs": costs::as_json(&costs),
-            "unit": job.unit(),
-            "variant": job.variant(),
-            "run_folder": job.folder().path(),
-        }));
+        let found = answers::Select::new(&selection, weighing.as_ref(), &costs);
+        return Ok(OfRun::new(job, found).value());
     }
-    let judgment = Judgment {
-        set: job.set(),
-        ranking: &ranking,
-        uncertainty: &uncertainty,
-        unit: job.unit(),
-        k: job.k(),
-    };
-    let kept = Kept { subset: &subset, keep: job.keep() };
+    let Selection { ranking, uncertainty, subset } = &selection;
+    let judgment = Judgment { set: job.set(), ranking, uncertainty, unit: job.unit(), k: job.k() };
+    let kept = Kept { subset, keep: job.keep() };
     terminal::show(&judgment::ranking(&judgment, Some(kept)));
     terminal::show(&weighing.map_or(String::new(), |weighing| format!("\n{}", weights::trends(&weighing))));
     terminal::show(&costs::played(&costs));

@@ -5,23 +5,20 @@ use demosift::run::experiment::{self, Selection, Sifted};
 use demosift::run::forecast::Goal;
 use demosift::stages::method::Costs;
 use demosift::stages::subset_selection::Weighing;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::{goals, judge, kept_in, report, select};
+use crate::answers::{self, OfRun};
 use crate::arguments::JobArguments;
-use crate::job::{Job, Prior};
+use crate::job::Job;
 use crate::own_heuristic::Beside;
 use crate::tables::judgment::{self, Judgment, Kept};
 use crate::tables::{costs, weights};
 use crate::{tables, terminal};
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
-    let mut job = Job::open(arguments, Prior::Needed)?;
-    if arguments.run.dry_run {
-        return goals::dry_run_each(&mut job, Goal::Verdict, Some(Goal::Referee), &arguments.run);
-    }
-    goals::each(&mut job, &arguments.run, one)?;
-    if job.variants().len() > 1 {
+    let mut job = goals::run(arguments, Goal::Verdict, Some(Goal::Referee), one)?;
+    if job.variants().len() > 1 && !arguments.run.dry_run {
         // That of the whole leads to those of the goals.
         let page = report::write(&mut job)?;
         if !arguments.run.json {
@@ -38,23 +35,16 @@ fn one(job: &mut Job, json: bool) -> Result<Value> {
     let (weighing, costs) = (select::weighing(job)?, job.costs()?);
     let beside = job.beside(sifted.data_only.clone());
     if json {
-        let Selection { ranking, uncertainty, subset } = &sifted.selection;
+        let Sifted { panel, selection, verdict, .. } = &sifted;
         let page = report::write(job)?;
-        return Ok(json!({
-            "ranking": ranking.entries,
-            "uncertainty": uncertainty,
-            "caveat": uncertainty.caveat(),
-            "judges": sifted.panel,
-            "data_only": judgment::data_only_json(ranking, &beside.data_only),
-            "kept": subset.demos,
-            "weighing": weighing,
-            "costs": costs::as_json(&costs),
-            "verdict": sifted.verdict,
-            "unit": job.unit(),
-            "report": page,
-            "variant": job.variant(),
-            "run_folder": job.folder().path(),
-        }));
+        let found = answers::Sift {
+            selected: answers::Select::new(selection, weighing.as_ref(), &costs),
+            columns: answers::Columns::new(&selection.ranking, &beside),
+            judges: panel,
+            verdict,
+            report: &page,
+        };
+        return Ok(OfRun::new(job, found).value());
     }
     show(job, &sifted, weighing.as_ref(), &beside, &costs);
     // After the tables, which took hours and are worth having even if the page cannot be written.

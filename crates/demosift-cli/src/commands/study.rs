@@ -3,7 +3,7 @@
 //! Cells are shared over threads whole, each on a pool of one thread, so that a processor's time is a cell's own.
 //! What depends on finished cells, such as trainings on what was kept, is asked for once they are there.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -15,8 +15,8 @@ use demosift::run::study::summary::{self, Summary};
 use demosift::run::study::{Cell, Finished, Found, Only, Work};
 use demosift::{Error, Result};
 use rustix::time::{ClockId, clock_gettime};
-use serde_json::json;
 
+use crate::answers;
 use crate::arguments::{Part, StudyArguments};
 use crate::study_file::{self, Opened, OpenedSet};
 use crate::study_folder::{Fingerprint, Recalled, StudyFolder};
@@ -174,7 +174,7 @@ impl Studied<'_> {
             found => found.map_err(|error| error.during(&work.name()))?,
         };
         let cell = Cell { work: work.clone(), found };
-        self.folder.keep(&cell, Fingerprint::of(work, self.set_of(work)))?;
+        self.folder.store(&cell, Fingerprint::of(work, self.set_of(work)))?;
         Ok(cell)
     }
 
@@ -223,7 +223,7 @@ impl Studied<'_> {
         let compact = compact::read(&bytes)?;
         let summary = summary::summarize(&compact.study, &compact.finished);
         if !arguments.table {
-            self.folder.keep_results(&bytes)?;
+            self.folder.store_results(&bytes)?;
         }
         if let Some(path) = &arguments.write {
             files::write_atomically(path, &bytes)?;
@@ -274,15 +274,15 @@ fn forecast(studied: &Studied<'_>, only: &Only, arguments: &StudyArguments) {
     }
     let later = study.most_unknown_trainings(only, &studied.finished);
     if arguments.json {
-        terminal::show_json(&json!({
-            "study": study.name,
-            "dry_run": true,
-            "finished": there,
-            "missing": kinds,
-            "trainings_that_depend_on_them_at_most": later,
-            "notes": studied.opened.notes,
-            "study_folder": studied.folder.path(),
-        }));
+        terminal::show_json(&answers::StudyDryRun {
+            study: &study.name,
+            dry_run: true,
+            finished: there,
+            missing: &kinds,
+            trainings_that_depend_on_them_at_most: later,
+            notes: &studied.opened.notes,
+            study_folder: studied.folder.path(),
+        });
         return;
     }
     terminal::show(&tables::study::forecast(&kinds, there, later, &studied.opened.notes));
@@ -312,15 +312,14 @@ fn show_results(arguments: &StudyArguments) -> Result<()> {
 }
 
 fn show(compact: &Compact, summary: &Summary, arguments: &StudyArguments, folder: Option<&Path>) {
-    let folder: Option<PathBuf> = folder.map(Path::to_owned);
     if arguments.json {
-        terminal::show_json(&json!({
-            "study": compact.study,
-            "demosift": compact.demosift,
-            "notes": compact.notes,
-            "summary": summary,
-            "study_folder": folder,
-        }));
+        terminal::show_json(&answers::StudyShown {
+            study: &compact.study,
+            demosift: &compact.demosift,
+            notes: &compact.notes,
+            summary,
+            study_folder: folder,
+        });
         return;
     }
     terminal::show(&tables::study::in_full(compact, summary, arguments.markdown));

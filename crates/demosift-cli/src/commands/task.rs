@@ -8,10 +8,10 @@ use demosift::data::demonstration::{self, Demonstration};
 use demosift::data::trajectory::StateLog;
 use demosift::{Error, Result};
 use demosift_mujoco::check::{
-    self, Actuator, Compared, Finding, Part, Played, Range, Recorded, Seen, Severity, StatesFrom,
+    self, Actuator, Compared, Finding, Part, Range, Recorded, Seen, Severity, StatesFrom, Tried,
 };
-use serde_json::json;
 
+use crate::answers;
 use crate::arguments::{SourceArguments, TaskCheckArguments, TaskCommand};
 use crate::tables::{self, Scale, table, wrapped};
 use crate::task::{self, Chosen};
@@ -56,13 +56,13 @@ fn check(arguments: &TaskCheckArguments) -> Result<()> {
     }
     findings.sort_by_key(|finding| finding.severity);
     if arguments.json {
-        terminal::show_json(&json!({
-            "task": seen,
-            "played": played,
-            "steps_per_sec": steps_per_sec,
-            "recorded": recorded,
-            "findings": findings,
-        }));
+        terminal::show_json(&answers::TaskCheck {
+            task: &seen,
+            played: &played,
+            steps_per_sec,
+            recorded: recorded.as_ref(),
+            findings: &findings,
+        });
     } else {
         terminal::show(&summary(&seen));
         terminal::show(&under_random_actions(&seen, &played, steps_per_sec));
@@ -174,7 +174,7 @@ fn counted(names: &[String]) -> String {
     }
 }
 
-fn under_random_actions(seen: &Seen, played: &Played, steps_per_sec: f64) -> String {
+fn under_random_actions(seen: &Seen, played: &Tried, steps_per_sec: f64) -> String {
     let scale = Scale::of([played.scores.least, played.scores.greatest], &seen.unit);
     let success = played.success.map_or(String::new(), |share| {
         format!(", and {} of the episodes are a success", tables::percent(share))
@@ -238,13 +238,15 @@ fn under_recorded_actions(seen: &Seen, recorded: &Recorded) -> String {
     };
     let scale = Scale::of(recorded.demonstrations.iter().filter_map(|one| one.score), &seen.unit);
     let title = scale.title("heuristic");
-    let says = recorded.demonstrations.iter().any(|one| one.succeeded.is_some());
-    let replayed = recorded.states != StatesFrom::Nowhere;
-    let scored = recorded.demonstrations.iter().any(|one| one.score.is_some());
+    let shown = Shown {
+        replayed: recorded.states != StatesFrom::Nowhere,
+        scored: recorded.demonstrations.iter().any(|one| one.score.is_some()),
+        succeeded: recorded.demonstrations.iter().any(|one| one.succeeded.is_some()),
+    };
     let mut header = vec!["demonstration", "steps", "max action"];
-    if replayed {
-        header.extend(scored.then_some(title.as_str()));
-        header.extend(says.then_some("success"));
+    if shown.replayed {
+        header.extend(shown.scored.then_some(title.as_str()));
+        header.extend(shown.succeeded.then_some("success"));
         header.extend(["misses", "drift", "rms", "leaves"]);
     }
     let rows: Vec<Vec<String>> = recorded
@@ -252,7 +254,7 @@ fn under_recorded_actions(seen: &Seen, recorded: &Recorded) -> String {
         .iter()
         .enumerate()
         .take(SHOWN)
-        .map(|(id, one)| row_of(id, one, scale, (replayed, scored, says)))
+        .map(|(id, one)| row_of(id, one, scale, shown))
         .collect();
     let rest = match recorded.demonstrations.len() - rows.len() {
         0 => String::new(),
@@ -261,25 +263,28 @@ fn under_recorded_actions(seen: &Seen, recorded: &Recorded) -> String {
     format!(
         "\n{words}\n\n{}{rest}{}",
         table(&header, &rows),
-        if replayed { format!("\n{}\n", wrapped(LEGEND)) } else { String::new() }
+        if shown.replayed { format!("\n{}\n", wrapped(LEGEND)) } else { String::new() }
     )
 }
 
-fn row_of(
-    id: usize,
-    one: &Compared,
-    scale: Scale<'_>,
-    (replayed, scored, says): (bool, bool, bool),
-) -> Vec<String> {
+/// Which columns there is anything to show in.
+#[derive(Clone, Copy)]
+struct Shown {
+    replayed: bool,
+    scored: bool,
+    succeeded: bool,
+}
+
+fn row_of(id: usize, one: &Compared, scale: Scale<'_>, shown: Shown) -> Vec<String> {
     let mut row = vec![id.to_string(), one.steps.to_string(), format!("{:.2}", one.largest_action)];
-    if !replayed {
+    if !shown.replayed {
         return row;
     }
     let unknown = || "-".to_owned();
-    if scored {
+    if shown.scored {
         row.push(one.score.map_or_else(unknown, |score| scale.plain(score)));
     }
-    if says {
+    if shown.succeeded {
         row.push(one.succeeded.map_or_else(unknown, tables::yes_or_no));
     }
     row.push(one.typically_missed.map_or_else(unknown, check::percent_missed));

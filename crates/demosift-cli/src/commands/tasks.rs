@@ -1,14 +1,12 @@
 //! `demosift tasks`: which tasks come with demosift.
 
-use serde_json::json;
-
 use crate::arguments::TasksArguments;
 use crate::{task, terminal};
 
 pub(crate) fn run(arguments: &TasksArguments) {
     let names = task::names();
     if arguments.json {
-        terminal::show_json(&json!(names));
+        terminal::show_json(&names);
     } else {
         terminal::show(&names.iter().map(|name| format!("{name}\n")).collect::<String>());
     }

@@ -3,9 +3,9 @@
 use demosift::Result;
 use demosift::run::experiment::{self, Config};
 use demosift::run::forecast::Goal;
-use serde_json::json;
 
 use super::{dry_run, kept_in};
+use crate::answers::{self, OfRun};
 use crate::arguments::JobArguments;
 use crate::job::{Job, Prior};
 use crate::tables::{costs, weights};
@@ -23,14 +23,9 @@ pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     })?;
     let costs = job.costs()?;
     if arguments.run.json {
-        terminal::show_json(&json!({
-            "weighing": weighing,
-            "kept": weighing.demos,
-            "costs": costs::as_json(&costs),
-            "unit": job.unit(),
-            "variant": job.variant(),
-            "run_folder": job.folder().path(),
-        }));
+        let costs = answers::Spending::of(&costs);
+        let found = answers::Weigh { kept: &weighing.demos, weighing: &weighing, costs };
+        terminal::show_json(&OfRun::new(&job, found));
         return Ok(());
     }
     terminal::show(&weights::trends(&weighing));

@@ -5,7 +5,7 @@ use base64::engine::general_purpose::STANDARD;
 use demosift::Result;
 use demosift::data::trajectory::StateLog;
 use demosift::results::panel::Judge;
-use demosift::results::report::{self, Part, Shown};
+use demosift::results::report::{self, Moment, Shown};
 use demosift::run::experiment;
 use demosift::world::environment::Task as _;
 use demosift::world::heuristic::Score;
@@ -120,9 +120,9 @@ fn demonstrations(task: &MujocoTask, job: &Job, recorded: Vec<StateLog>) -> Resu
 }
 
 fn of_agent(judge: Judge, shown: Shown) -> Cast {
-    let (part, demo) = match shown.part {
-        Part::Before => ("before", None),
-        Part::After(demo) => ("after", Some(demo.0)),
+    let (part, demo) = match shown.moment {
+        Moment::Before => ("before", None),
+        Moment::After(demo) => ("after", Some(demo.0)),
     };
     Cast {
         part,

@@ -278,26 +278,27 @@ function weights() {
     el("div", { class: "chart" }, lineChart({ series, width: 900, height: 320, labels: true, xName: "round", yName: "weight", whole: true, summary: "Weight of each demonstration over the rounds" })));
 }
 
-function opinions() {
-  if (!report.opinions.length) return;
+function columns() {
+  const columns = report.own_heuristic ? [...report.data_only, report.own_heuristic] : report.data_only;
+  if (!columns.length) return;
   const number = report.entries.length;
   // A third of the set away is far: about what two unrelated rankings differ by on average.
-  const far = (place, opinion) => opinion.spearman != null && Math.abs(opinion.places[place] - (place + 1)) >= number / 3;
+  const far = (place, column) => column.spearman != null && Math.abs(column.places[place] - (place + 1)) >= number / 3;
   const rows = report.entries.map((entry, place) => el("tr", {},
     el("td", {}, `${place + 1}`), el("td", { class: "left" }, `${entry.demo}`),
-    report.opinions.map((opinion) => el("td", { class: far(place, opinion) ? "far" : null, title: `place ${significant(opinion.places[place])} of ${number}` },
-      significant(opinion.scores[place]), far(place, opinion) ? (opinion.places[place] > place + 1 ? " ▼" : " ▲") : ""))));
+    columns.map((column) => el("td", { class: far(place, column) ? "far" : null, title: `place ${significant(column.places[place])} of ${number}` },
+      significant(column.scores[place]), far(place, column) ? (column.places[place] > place + 1 ? " ▼" : " ▲") : ""))));
   rows.push(el("tr", {}, el("td", {}), el("td", { class: "left" }, "Spearman with the gain"),
-    report.opinions.map((opinion) => el("td", { style: "font-weight:650" }, opinion.spearman == null ? "–" : signed(opinion.spearman, 2)))));
+    columns.map((column) => el("td", { style: "font-weight:650" }, column.spearman == null ? "–" : signed(column.spearman, 2)))));
   into("opinions",
     el("h2", {}, "What the recordings alone say"),
     el("p", { class: "soft" }, "Scorers that look at the data and try nothing; higher is better by their own lights. None of it enters the ranking. ▲ stands where a scorer would place a demonstration at least a third of the set higher than trying it does, ▼ where lower."),
     made.unusable ? el("p", { class: "small" }, `The demonstrations' own heuristic is not known: ${made.unusable}`) : null,
     el("div", { class: "scroll" }, el("table", {},
-      el("thead", {}, el("tr", {}, el("th", {}, "rank"), el("th", { class: "left" }, "demonstration"), report.opinions.map((opinion) => el("th", { title: opinion.meaning }, opinion.name)))),
+      el("thead", {}, el("tr", {}, el("th", {}, "rank"), el("th", { class: "left" }, "demonstration"), columns.map((column) => el("th", { title: column.meaning }, column.name)))),
       el("tbody", {}, rows))),
     el("details", {}, el("summary", { class: "small" }, "What each number is"),
-      report.opinions.map((opinion) => el("p", { class: "small" }, el("b", {}, opinion.name), `: ${opinion.meaning}`))));
+      columns.map((column) => el("p", { class: "small" }, el("b", {}, column.name), `: ${column.meaning}`))));
 }
 
 function costs() {
@@ -328,6 +329,6 @@ variants();
 learning();
 adaptation();
 weights();
-opinions();
+columns();
 costs();
 configuration();

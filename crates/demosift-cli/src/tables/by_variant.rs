@@ -28,7 +28,7 @@ pub(crate) fn gains(scores: &ScoreTable, variants: &[String], unit: &str) -> Str
                 let place = ranking.entries.iter().position(|entry| entry.demo == overall.demo);
                 place.map_or("-".to_owned(), |place| {
                     let mark = if place == 0 { "*" } else { " " };
-                    format!("{}{mark}", scale.signed(ranking.entries[place].score))
+                    format!("{}{mark}", scale.signed(ranking.entries[place].gain))
                 })
             };
             std::iter::once(overall.demo.to_string()).chain(rankings.iter().map(gain)).collect()

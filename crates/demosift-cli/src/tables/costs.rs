@@ -6,7 +6,6 @@ use demosift::stages::method::Costs;
 use demosift::stages::pre_train;
 use demosift::stages::referee;
 use demosift::stages::subset_selection;
-use serde_json::{Map, Value, json};
 
 use super::{table, wrapped};
 
@@ -23,7 +22,7 @@ pub(crate) fn played(costs: &Costs) -> String {
     let of_the_method = match costs.spent.iter().any(|(stage, _)| *stage == costs.judging) {
         true => format!(
             " Every method of the paper may spend {} on learning to imitate and judging; {} spent {} of them.",
-            costs.plan.quota,
+            costs.budget.quota,
             costs.method,
             costs.of_quota()
         ),
@@ -31,17 +30,6 @@ pub(crate) fn played(costs: &Costs) -> String {
     };
     let what = format!("What was played, in environment steps.{of_the_method}");
     format!("\n{}\n\n{}", wrapped(&what), table(&["stage", "environment steps"], &rows))
-}
-
-pub(crate) fn as_json(costs: &Costs) -> Value {
-    let stages: Map<String, Value> =
-        costs.spent.iter().map(|(stage, spent)| (stage.clone(), json!(spent.environment_steps))).collect();
-    json!({
-        "method": costs.method,
-        "quota": costs.plan.quota,
-        "spent_of_quota": costs.of_quota(),
-        "environment_steps": stages,
-    })
 }
 
 /// A stage by what it does.

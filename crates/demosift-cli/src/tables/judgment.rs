@@ -1,13 +1,11 @@
 //! The judgment of a set: the ranking with its doubts, and what the recordings alone say.
 
 use demosift::data::demonstration::{DemoId, DemonstrationSet};
-use demosift::math::agreement;
-use demosift::results::data_only::DataOnly;
+use demosift::results::data_only::Column;
 use demosift::results::panel::Judge;
 use demosift::results::uncertainty::Uncertainty;
 use demosift::stages::judge::ScoreTable;
 use demosift::stages::select::{Keep, Ranking, Subset};
-use serde_json::{Value, json};
 
 use crate::own_heuristic::Beside;
 
@@ -71,7 +69,7 @@ pub(crate) fn ranking(judgment: &Judgment<'_>, kept: Option<Kept<'_>>) -> String
                 entry.demo.to_string(),
                 set.get(entry.demo).steps().to_string(),
                 scale.plain(entry.after),
-                scale.signed(entry.score),
+                scale.signed(entry.gain),
                 format!("[{}, {}]", scale.signed(doubt.low), scale.signed(doubt.high)),
                 percent(doubt.top[k - 1]),
                 group(uncertainty, entry.demo),
@@ -155,7 +153,7 @@ fn why_kept(uncertainty: &Uncertainty, subset: &Subset) -> String {
 
 /// Says which of the kept demonstrations did not help.
 fn useless(ranking: &Ranking, subset: &Subset) -> Option<String> {
-    let entries = ranking.entries.iter().filter(|entry| entry.score <= 0.0).map(|entry| entry.demo);
+    let entries = ranking.entries.iter().filter(|entry| entry.gain <= 0.0).map(|entry| entry.demo);
     let useless: Vec<DemoId> = entries.filter(|demo| subset.demos.contains(demo)).collect();
     match useless.as_slice() {
         [] => None,
@@ -170,9 +168,9 @@ fn useless(ranking: &Ranking, subset: &Subset) -> Option<String> {
 }
 
 /// What the scorers of the recordings say, in the order of the ranking, with their agreement with it.
-pub(crate) fn beside(ranking: &Ranking, Beside { data_only, unusable }: &Beside) -> String {
-    let columns = &data_only.columns;
-    let unusable = unusable.as_ref().map_or(String::new(), |why| {
+pub(crate) fn beside(ranking: &Ranking, beside: &Beside) -> String {
+    let columns: Vec<&Column> = beside.columns().collect();
+    let unusable = beside.unusable.as_ref().map_or(String::new(), |why| {
         format!("\n{}\n", wrapped(&format!("The demonstrations' own heuristic is not known: {why}")))
     });
     if columns.is_empty() {
@@ -185,29 +183,13 @@ pub(crate) fn beside(ranking: &Ranking, Beside { data_only, unusable }: &Beside)
         let scores = columns.iter().map(|column| significant(column.scores[entry.demo.0]));
         rows.push([entry.demo.to_string()].into_iter().chain(scores).collect());
     }
-    let agreements = columns.iter().map(|column| agreement(ranking, &column.scores));
+    let agreements = columns.iter().map(|column| column.agreement(ranking));
     let written =
-        agreements.map(|value| if value.is_nan() { "-".to_owned() } else { format!("{value:+.2}") });
+        agreements.map(|value| value.map_or_else(|| "-".to_owned(), |value| format!("{value:+.2}")));
     rows.push(["Spearman".to_owned()].into_iter().chain(written).collect());
     let what = "What the recordings alone say (higher is better by each scorer's lights; none of it enters the \
                 ranking), and the rank correlation of each with the gain:";
     format!("\n{}\n\n{}{unusable}", wrapped(what), table(&header, &rows))
-}
-
-/// Spearman's rank correlation of a column, in the order of the set, with the gains of a ranking.
-fn agreement(ranking: &Ranking, scores: &[f64]) -> f64 {
-    let (gains, scores): (Vec<f64>, Vec<f64>) =
-        ranking.entries.iter().map(|entry| (entry.score, scores[entry.demo.0])).unzip();
-    agreement::spearman(&gains, &scores)
-}
-
-/// The columns with their agreement.
-pub(crate) fn data_only_json(ranking: &Ranking, data_only: &DataOnly) -> Value {
-    let column = |column: &demosift::results::data_only::Column| {
-        let spearman = agreement(ranking, &column.scores);
-        json!({ "name": column.name, "meaning": column.meaning, "scores": column.scores, "spearman": spearman })
-    };
-    data_only.columns.iter().map(column).collect()
 }
 
 /// Three significant digits, or all before the point.
@@ -227,7 +209,7 @@ fn significant(value: f64) -> String {
 mod tests {
     use super::*;
     use demosift::basics::seed::Seed;
-    use demosift::results::data_only::Column;
+    use demosift::results::data_only::DataOnly;
     use demosift::results::uncertainty::Doubt;
     use demosift::stages::select::Ranked;
     use demosift::world::point_mass::planted_set;
@@ -237,7 +219,7 @@ mod tests {
             demo: DemoId(demo),
             before: -100.0,
             after: -100.0 + score,
-            score: *score,
+            gain: *score,
         };
         Ranking { entries: scores.iter().enumerate().map(ranked).collect() }
     }
@@ -245,7 +227,7 @@ mod tests {
     fn uncertainty(scores: &[f64]) -> Uncertainty {
         let doubt = |(demo, score): (usize, &f64)| Doubt {
             demo: DemoId(demo),
-            score: *score,
+            gain: *score,
             low: score - 150.5,
             high: score + 150.5,
             improves: 0.95,
@@ -288,12 +270,12 @@ mod tests {
             meaning: String::new(),
             scores: vec![-1234.5, 0.25, 2.0],
         };
-        let names = ["length", "jerk", "action range", "mutual information", "cloning loss", "heuristic"];
+        let names = ["length", "jerk", "action range", "mutual information", "cloning loss"];
         let data_only = DataOnly { columns: names.map(column).to_vec() };
-        let opinions = Beside { data_only, unusable: None };
+        let opinions = Beside { data_only, own: Some(column("heuristic")), unusable: None };
         let said = beside(&ranking, &opinions);
         assert!(said.lines().all(|line| line.chars().count() <= 100), "{said}");
         assert!(said.contains("-1.00") && said.contains("0.250"), "{said}");
-        assert_eq!(data_only_json(&ranking, &opinions.data_only)[0]["spearman"], -1.0);
+        assert!(said.contains("heuristic"), "{said}");
     }
 }

@@ -30,7 +30,7 @@ fn beside_each_other(panel: &Panel, unit: &str) -> String {
             let place = doubts.iter().position(|doubt| doubt.demo == demo).expect("all judges saw the set");
             let doubt = &doubts[place];
             row.push((place + 1).to_string());
-            row.push(scale.signed(doubt.score));
+            row.push(scale.signed(doubt.gain));
             row.push(format!("[{}, {}]", scale.signed(doubt.low), scale.signed(doubt.high)));
         }
         row

@@ -9,7 +9,7 @@ use super::comparison::Recorded;
 use super::known::Known;
 use super::{Finding, first_few, several};
 use crate::mujoco_task::MujocoTask;
-use crate::task::ends::Kept;
+use crate::task::ends::Bound;
 
 /// What the task measures in recorded episodes.
 #[derive(Clone, Copy)]
@@ -110,14 +110,14 @@ pub(super) fn explained(
     Ok(findings)
 }
 
-fn end(ranges: &[Kept], rows: &Rows, steps: usize, horizon: usize) -> End {
-    let value = |row: usize, kept: &Kept| f64::from(rows.row(row)[kept.column]);
+fn end(ranges: &[Bound], rows: &Rows, steps: usize, horizon: usize) -> End {
+    let value = |row: usize, kept: &Bound| f64::from(rows.row(row)[kept.column]);
     let is_left = |row: usize| ranges.iter().any(|kept| !kept.within.holds(value(row, kept)));
     if let Some(step) = (0..steps).find(|row| is_left(*row)) {
         return End::Overrun(step);
     }
     // The last row was not recorded but simulated, which is a little off: one more such step would have left the range.
-    let goes_on_to = |kept: &Kept| 2.0 * value(steps, kept) - value(steps - 1, kept);
+    let goes_on_to = |kept: &Bound| 2.0 * value(steps, kept) - value(steps - 1, kept);
     match steps == horizon {
         true => End::Horizon,
         false if is_left(steps) => End::Explained,
@@ -127,7 +127,7 @@ fn end(ranges: &[Kept], rows: &Rows, steps: usize, horizon: usize) -> End {
 }
 
 /// The ranges whose measurements do not depend on what is not known of the states.
-fn known_ranges(task: &MujocoTask, measured: Measured<'_>) -> Result<Vec<Kept>> {
+fn known_ranges(task: &MujocoTask, measured: Measured<'_>) -> Result<Vec<Bound>> {
     let all = task.blueprint().ends.ranges().to_vec();
     let Some(states) = measured.states.first().filter(|_| !measured.known.hidden.is_empty()) else {
         return Ok(all);
@@ -142,7 +142,7 @@ fn known_ranges(task: &MujocoTask, measured: Measured<'_>) -> Result<Vec<Kept>> 
     let there = environment.measured();
     let is_same = |column: usize| (here[column] - there[column]).abs() < 1e-9;
     let measurements = &task.blueprint().measurements;
-    let depends = |kept: &Kept| {
+    let depends = |kept: &Bound| {
         let base = measurements[kept.column].rate_of().unwrap_or(kept.column);
         !is_same(base)
     };

@@ -18,7 +18,7 @@ use serde::Serialize;
 
 pub use comparison::{Compared, Recorded, StatesFrom};
 pub use dynamics::{Drift, percent_missed};
-pub use play::{Played, Range, play};
+pub use play::{Range, Tried, play};
 pub use recorded::compare;
 pub use seen::{Actuator, Measured, Part, Seen, look};
 

@@ -31,7 +31,7 @@ const DEEP: f64 = 0.02;
 
 /// What came of random actions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Played {
+pub struct Tried {
     /// Episodes, spread evenly over the variants.
     pub episodes: usize,
     /// Control steps of all episodes, up to where one ended or became unstable.
@@ -91,7 +91,7 @@ impl Range {
     }
 }
 
-impl Played {
+impl Tried {
     /// Control steps a second of all that was played, if it took so many seconds.
     pub fn steps_per_sec(&self, seconds: f64) -> f64 {
         self.steps_in_all as f64 / seconds
@@ -121,7 +121,7 @@ fn plan(specification: &Specification) -> (usize, usize) {
 ///
 /// # Errors
 /// If MuJoCo has no memory for a simulation.
-pub fn play(task: &MujocoTask, seed: &Seed) -> Result<(Played, Vec<Finding>)> {
+pub fn play(task: &MujocoTask, seed: &Seed) -> Result<(Tried, Vec<Finding>)> {
     let specification = task.specification();
     let variants = specification.variants.len();
     let (count, length) = plan(specification);
@@ -142,7 +142,7 @@ pub fn play(task: &MujocoTask, seed: &Seed) -> Result<(Played, Vec<Finding>)> {
     let played = sum_up(task, &episodes, length);
     let tried = 2 * PUSHED * specification.action_size;
     let steps_in_all = played.steps + again.iter().map(Episode::steps).sum::<usize>() + tried;
-    let played = Played { without_effect, repeats, steps_in_all, ..played };
+    let played = Tried { without_effect, repeats, steps_in_all, ..played };
     let mut findings = findings(task, &played, &overlaps);
     findings.extend(ends(task, &episodes));
     Ok((played, findings))
@@ -241,7 +241,7 @@ fn without_effect(task: &MujocoTask, environment: &mut MujocoEnvironment, seed: 
 }
 
 /// Everything but `without_effect`, `repeats` and `steps_in_all`, which the episodes do not tell.
-fn sum_up(task: &MujocoTask, episodes: &[Episode], length: usize) -> Played {
+fn sum_up(task: &MujocoTask, episodes: &[Episode], length: usize) -> Tried {
     let columns = task.blueprint().observation.iter().flat_map(|reading| reading.columns(task.model()));
     let mut observation: Vec<Range> = columns.map(Range::of).collect();
     let mut measurements: Vec<Range> = task.specification().measurements.iter().map(Range::of).collect();
@@ -271,7 +271,7 @@ fn sum_up(task: &MujocoTask, episodes: &[Episode], length: usize) -> Played {
     let is_whole = length == task.specification().horizon;
     let says = task.blueprint().success.is_some() && stable > 0 && is_whole;
     let steps = episodes.iter().map(Episode::steps).sum();
-    Played {
+    Tried {
         episodes: episodes.len(),
         steps,
         steps_per_episode: length,
@@ -289,7 +289,7 @@ fn sum_up(task: &MujocoTask, episodes: &[Episode], length: usize) -> Played {
     }
 }
 
-fn findings(task: &MujocoTask, played: &Played, overlaps: &[String]) -> Vec<Finding> {
+fn findings(task: &MujocoTask, played: &Tried, overlaps: &[String]) -> Vec<Finding> {
     let mut findings = physics(played, overlaps);
     findings.extend(what_is_seen(task, played));
     if played.unstable < played.episodes {
@@ -298,7 +298,7 @@ fn findings(task: &MujocoTask, played: &Played, overlaps: &[String]) -> Vec<Find
     findings
 }
 
-fn physics(played: &Played, overlaps: &[String]) -> Vec<Finding> {
+fn physics(played: &Tried, overlaps: &[String]) -> Vec<Finding> {
     let mut findings = Vec::new();
     let episodes = several(played.episodes, "episode");
     let kinds: Vec<&str> = played.warnings.iter().map(|(words, _)| words.as_str()).collect();
@@ -384,7 +384,7 @@ fn ends(task: &MujocoTask, episodes: &[Episode]) -> Option<Finding> {
     Some(Finding::fine(message))
 }
 
-fn what_is_seen(task: &MujocoTask, played: &Played) -> Vec<Finding> {
+fn what_is_seen(task: &MujocoTask, played: &Tried) -> Vec<Finding> {
     let constant = |ranges: &[Range]| -> Vec<String> {
         ranges.iter().filter(|range| range.is_constant()).map(|range| range.name.clone()).collect()
     };
@@ -428,7 +428,7 @@ fn what_is_seen(task: &MujocoTask, played: &Played) -> Vec<Finding> {
     findings
 }
 
-fn heuristic(task: &MujocoTask, played: &Played) -> Vec<Finding> {
+fn heuristic(task: &MujocoTask, played: &Tried) -> Vec<Finding> {
     let mut findings = Vec::new();
     let Range { least, greatest, .. } = played.scores;
     // What an episode is rated by may come after the steps that were played.

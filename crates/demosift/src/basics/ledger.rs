@@ -1,16 +1,16 @@
-//! Where the nouns of the flow are kept by name.
+//! Where the results of the flow are stored by name.
 
 use std::collections::BTreeMap;
 
 use crate::basics::error::Result;
 
-/// Keeps nouns and checkpoints by name; the run folder is one.
+/// Stores results and checkpoints by name; the run folder is one.
 pub trait Ledger: Send {
-    /// What was kept under a name, if anything.
+    /// What was stored under a name, if anything.
     fn recall(&self, name: &str) -> Result<Option<Vec<u8>>>;
-    /// Keeps bytes under a name, whole or not at all.
-    fn keep(&mut self, name: &str, bytes: &[u8]) -> Result<()>;
-    /// Forgets what was kept under a name.
+    /// Stores bytes under a name, whole or not at all.
+    fn store(&mut self, name: &str, bytes: &[u8]) -> Result<()>;
+    /// Forgets what was stored under a name.
     fn forget(&mut self, name: &str) -> Result<()>;
 }
 
@@ -23,7 +23,7 @@ impl Ledger for InMemory {
         Ok(self.0.get(name).cloned())
     }
 
-    fn keep(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+    fn store(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
         self.0.insert(name.to_owned(), bytes.to_vec());
         Ok(())
     }

@@ -27,7 +27,7 @@ pub enum Event<'a> {
         /// Units of work finished.
         done: usize,
     },
-    /// Numbers worth keeping, one row a call.
+    /// Numbers worth storing, one row per call.
     Measured {
         /// The stage.
         stage: &'static str,
@@ -47,6 +47,16 @@ pub enum Event<'a> {
         /// The state, to be written by [`crate::results::artifact`].
         state: &'a dyn Snapshot,
     },
+}
+
+/// Whether something that happens every so often is due when so much is done; every 0 is every 1.
+pub fn is_due(done: usize, every: usize) -> bool {
+    done.is_multiple_of(every.max(1))
+}
+
+/// How often [`is_due`] says so before so much is done, from 0 on.
+pub fn times_due(total: usize, every: usize) -> usize {
+    total.div_ceil(every.max(1))
 }
 
 /// A state that can be written down; everything that is [`Serialize`] is one.

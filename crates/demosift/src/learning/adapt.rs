@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::basics::error::Result;
 use crate::basics::seed::Seed;
-use crate::data::demonstration::DemonstrationSet;
+use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::data::observation_filter::Moments;
 use crate::data::trajectory::Trajectory;
 use crate::learning::advantage::{AdvantageEstimation, Rewarded, advantages};
@@ -170,6 +170,35 @@ pub struct UpdateReport {
     pub end: StepEnd,
 }
 
+/// What is adapted to: a demonstration under a variant of the task.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Target {
+    /// v_i.
+    pub demo: DemoId,
+    /// e_j.
+    pub variant: EnvVariant,
+}
+
+/// θ' and D', with what led there.
+#[derive(Clone, Debug)]
+pub struct Updated {
+    /// θ' and D'.
+    pub learner: Learner,
+    /// What there is to tell of the update.
+    pub report: UpdateReport,
+    /// The step from θ to θ'; behavioral cloning takes none of this kind.
+    pub step: Option<NaturalStep>,
+}
+
+/// The step of TRPO from θ to θ', by which θ' moves with θ.
+#[derive(Clone, Debug)]
+pub struct NaturalStep {
+    /// The advantages of what was played, `[N]`, which the step was taken on.
+    pub advantages: Vec<f32>,
+    /// η: how far along the natural gradient it went.
+    pub size: f64,
+}
+
 /// How long a demonstration is adapted to.
 #[derive(Clone, Copy, Debug)]
 pub struct Course<'a> {
@@ -211,18 +240,11 @@ pub fn adapt(
         let trajectories =
             rollout::play(playground, &adapted.learner.policy, Acting::Sampled, variant, seeds)?;
         let played = Played::new(playground, &adapted.learner.policy, &trajectories);
-        let alpha = inner.alpha(iteration);
-        let (learner, report) = update(
-            &adapted.learner,
-            &played,
-            demonstrated,
-            (inner, alpha),
-            &mut adam,
-            seed.of("fit").at(iteration),
-        )
-        .map_err(|error| error.during(&format!("adaptation, iteration {iteration}")))?;
-        adapted.learner = learner;
-        adapted.curve.push(report);
+        let (alpha, fit_seed) = (inner.alpha(iteration), seed.of("fit").at(iteration));
+        let updated = update(&adapted.learner, &played, demonstrated, inner, alpha, &mut adam, fit_seed)
+            .map_err(|error| error.during(&format!("adaptation, iteration {iteration}")))?;
+        adapted.learner = updated.learner;
+        adapted.curve.push(updated.report);
         adapted.played += trajectories.iter().map(|played| played.steps() as u64).sum::<u64>();
         if iterations - iteration <= averaged {
             last.push(adapted.learner.policy.parameters().to_vec());
@@ -249,15 +271,16 @@ pub fn update(
     learner: &Learner,
     played: &Played,
     demonstrated: &[&Rows],
-    (inner, alpha): (&InnerUpdate, f64),
+    inner: &InnerUpdate,
+    alpha: f64,
     adam: &mut Adam,
     seed: Seed,
-) -> Result<(Learner, UpdateReport)> {
+) -> Result<Updated> {
     if inner.imitation == Rule::BehavioralCloning {
-        let how = (&inner.cloning, alpha);
-        let (policy, cloned) = behavioral_cloning::clone(&learner.policy, demonstrated, how, adam, seed)?;
+        let (policy, cloned) =
+            behavioral_cloning::clone(&learner.policy, demonstrated, &inner.cloning, alpha, adam, seed)?;
         let learner = Learner { policy, discriminator: learner.discriminator.clone() };
-        return Ok((learner, UpdateReport::of_cloning(played, cloned)));
+        return Ok(Updated { learner, report: UpdateReport::of_cloning(played, cloned), step: None });
     }
     let (discriminator, fit) =
         gail::fit(&learner.discriminator, &[&played.pairs], demonstrated, &inner.discriminator, adam, seed)?;
@@ -267,7 +290,8 @@ pub fn update(
         trpo::step(&played.experiences(&learner.policy, &advantages, 1.0), &inner.trust_region, alpha)?;
     let policy = learner.policy.moved(&step.displacement);
     let report = UpdateReport::of_gail(played, fit, &rewards, &step);
-    Ok((Learner { policy, discriminator }, report))
+    let step = NaturalStep { advantages, size: step.size };
+    Ok(Updated { learner: Learner { policy, discriminator }, report, step: Some(step) })
 }
 
 /// Rows of one experience; a fixed number, so that the number of threads does not change a sum.
@@ -382,13 +406,12 @@ impl UpdateReport {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::run::preset::Preset;
+    use crate::world::point_mass::{PointMass, planted_set};
 
     fn course(inner: &InnerUpdate, iterations: usize) -> Course<'_> {
         Course { inner, iterations, averaged: 1 }
     }
-    use crate::data::demonstration::DemoId;
-    use crate::run::preset::Preset;
-    use crate::world::point_mass::{PointMass, planted_set};
 
     fn inner() -> InnerUpdate {
         let discriminator = Fitting { learning_rate: 0.01, steps: 20, batch: 200, entropy: 0.3 };
@@ -473,8 +496,8 @@ mod tests {
             .expect("the point mass plays");
         let played = Played::new(&playground, &learner.policy, &trajectories);
         let mut adam = Adam::new(learner.discriminator.parameters().len());
-        let (updated, report) =
-            update(&learner, &played, &[&pairs[0]], (&inner(), 1.0), &mut adam, Seed::new(4))
+        let Updated { learner: updated, report, .. } =
+            update(&learner, &played, &[&pairs[0]], &inner(), 1.0, &mut adam, Seed::new(4))
                 .expect("finite numbers");
         let mean = |discriminator: &Discriminator| {
             let logits = discriminator.logits_generated(&played.pairs);

@@ -100,7 +100,8 @@ impl Shown<f32> {
 pub fn clone(
     policy: &Policy,
     demonstrated: &[&Rows],
-    (cloning, alpha): (&Cloning, f64),
+    cloning: &Cloning,
+    alpha: f64,
     adam: &mut Adam,
     seed: Seed,
 ) -> Result<(Policy, Cloned)> {
@@ -108,8 +109,8 @@ pub fn clone(
     let shown = Shown::new(demonstrated, network.input_width());
     let rate = cloning.learning_rate * alpha;
     let parameters = match cloning.descent {
-        Descent::Gradient => descend(network, start, &shown, (rate, cloning.steps)).pop(),
-        Descent::Adam => Some(descend_with_adam(network, start, &shown, (cloning, rate), (adam, seed))),
+        Descent::Gradient => descend(network, start, &shown, rate, cloning.steps).pop(),
+        Descent::Adam => Some(descend_with_adam(network, start, &shown, cloning, rate, adam, seed)),
     };
     let parameters = parameters.unwrap_or_else(|| start.to_vec());
     let loss =
@@ -182,7 +183,8 @@ pub fn descend<T: Real>(
     network: &Mlp,
     start: &[T],
     shown: &Shown<T>,
-    (rate, steps): (f64, usize),
+    rate: f64,
+    steps: usize,
 ) -> Vec<Vec<T>> {
     let (mut iterates, mut tape) = (vec![start.to_vec()], Tape::default());
     for step in 0..steps {
@@ -214,8 +216,10 @@ fn descend_with_adam(
     network: &Mlp,
     start: &[f32],
     shown: &Shown<f32>,
-    (cloning, rate): (&Cloning, f64),
-    (adam, seed): (&mut Adam, Seed),
+    cloning: &Cloning,
+    rate: f64,
+    adam: &mut Adam,
+    seed: Seed,
 ) -> Vec<f32> {
     let mut order: Vec<usize> = (0..shown.actions.len() / network.output_width()).collect();
     let (mut parameters, mut tape, mut rng) = (start.to_vec(), Tape::default(), seed.into_rng());
@@ -294,7 +298,7 @@ mod tests {
     #[test]
     fn eq_1_a_plain_step_of_cloning_goes_down_the_gradient() {
         let ((network, parameters), shown) = (network(), shown("step"));
-        let iterates = descend(&network, &parameters, &shown, (RATE, 3));
+        let iterates = descend(&network, &parameters, &shown, RATE, 3);
         assert_eq!((iterates.len(), &iterates[0]), (4, &parameters));
         for pair in iterates.windows(2) {
             let (before, gradient) = loss_and_gradient(&network, &pair[0], &shown, &mut Tape::default());
@@ -313,10 +317,10 @@ mod tests {
         let ((network, parameters), learned) = (network(), shown("learned"));
         for (steps, judged) in [(1, learned.clone()), (4, learned.clone()), (4, shown("judged"))] {
             let loss = |at: &[f64]| {
-                let adapted = descend(&network, at, &learned, (RATE, steps)).pop().expect("the start");
+                let adapted = descend(&network, at, &learned, RATE, steps).pop().expect("the start");
                 loss_and_gradient(&network, &adapted, &judged, &mut Tape::default()).0
             };
-            let iterates = descend(&network, &parameters, &learned, (RATE, steps));
+            let iterates = descend(&network, &parameters, &learned, RATE, steps);
             let adapted = iterates.last().expect("the start");
             let first = loss_and_gradient(&network, adapted, &judged, &mut Tape::default()).1;
             let exact = pulled_back(&network, &iterates, &learned, RATE, first.clone());
@@ -343,7 +347,7 @@ mod tests {
             let mut adam = Adam::new(start.network_parameters().len());
             let cloning = Cloning { descent, learning_rate, steps: 400, batch: 50, curve_episodes: 0 };
             let (policy, cloned) =
-                clone(&start, &[&pairs], (&cloning, 1.0), &mut adam, Seed::new(2)).expect("finite numbers");
+                clone(&start, &[&pairs], &cloning, 1.0, &mut adam, Seed::new(2)).expect("finite numbers");
             assert!(cloned.loss_before > 0.1 && cloned.loss_after < 1e-6, "{descent:?}: {cloned:?}");
             for (found, wanted) in policy.network_parameters().iter().zip(wanted.concat()) {
                 assert!((f64::from(*found) - wanted).abs() < 2e-3, "{descent:?}: {found}, wanted {wanted}");
@@ -379,7 +383,7 @@ mod tests {
             batch: 1,
             curve_episodes: 0,
         };
-        let error = clone(&start, &[&pairs], (&cloning, 1.0), &mut Adam::new(2), Seed::new(1))
+        let error = clone(&start, &[&pairs], &cloning, 1.0, &mut Adam::new(2), Seed::new(1))
             .expect_err("a step of 2·100² times the error");
         assert!(error.is_diverged(), "{error}");
     }

@@ -207,8 +207,16 @@ fn gradient(posterior: &Posterior, pairs: &[Pair<'_>], workspaces: &mut Vec<Work
             time_major(&side_by_side(&seen), lstm.input_width(), &mut workspace.inputs);
             let encodings: Vec<f32> = chunk.iter().map(|pair| pair.encoding).collect();
             let mut gradient = vec![0.0; parameters.len()];
-            let into = (1.0 / pairs.len() as f32, &mut gradient[..]);
-            Posterior::squared_error_and_gradient((lstm, head), parameters, &encodings, workspace, into);
+            let share = 1.0 / pairs.len() as f32;
+            Posterior::squared_error_and_gradient(
+                lstm,
+                head,
+                parameters,
+                &encodings,
+                workspace,
+                share,
+                &mut gradient,
+            );
             gradient
         })
         .collect();

@@ -228,8 +228,8 @@ impl<'a> Batch<'a> {
     /// F v = Jᵀ M J v, times the weight.
     fn fisher_vector_product(&mut self, direction: &[f32]) -> Vec<f32> {
         let Experience { policy, observations, weight, .. } = *self.experience;
-        let seen = (observations, &mut self.tape);
-        let mut product = fisher_vector_product(policy.network(), policy.parameters(), seen, direction);
+        let (network, parameters) = (policy.network(), policy.parameters());
+        let mut product = fisher_vector_product(network, parameters, observations, &mut self.tape, direction);
         product.iter_mut().for_each(|value| *value *= weight as f32);
         product
     }
@@ -256,7 +256,8 @@ impl<'a> Batch<'a> {
 fn fisher_vector_product<T: Real>(
     network: &Mlp,
     parameters: &[T],
-    (observations, tape): (&[T], &mut Tape<T>),
+    observations: &[T],
+    tape: &mut Tape<T>,
     direction: &[T],
 ) -> Vec<T> {
     let count = network.parameter_count();

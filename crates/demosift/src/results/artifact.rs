@@ -41,11 +41,11 @@ const TENSORS_VERSION: u32 = 1;
 /// Under which key a safetensors file holds that version.
 const VERSION_KEY: &str = "demosift_format";
 
-/// A noun of the flow that a ledger can keep; `part` tells several of a kind apart.
+/// A result of the flow that a ledger can store; `part` tells several of a kind apart.
 pub trait Artifact: Sized {
     /// Keeps the noun.
-    fn keep(&self, ledger: &mut dyn Ledger, part: &str) -> Result<()>;
-    /// The noun, if it was kept; the error says what is wrong with its file.
+    fn store(&self, ledger: &mut dyn Ledger, part: &str) -> Result<()>;
+    /// The result, if it was stored; the error says what is wrong with its file.
     fn recall(ledger: &dyn Ledger, part: &str) -> Result<Option<Self>>;
 }
 
@@ -58,11 +58,11 @@ fn recall_json<T: DeserializeOwned>(ledger: &dyn Ledger, name: &str) -> Result<O
     Ok(Some(versioned.content))
 }
 
-fn keep_json<T: Serialize>(ledger: &mut dyn Ledger, name: &str, content: &T) -> Result<()> {
+fn store_json<T: Serialize>(ledger: &mut dyn Ledger, name: &str, content: &T) -> Result<()> {
     let versioned = Versioned { version: FORMAT_VERSION, content };
     let mut bytes = serde_json::to_vec_pretty(&versioned).expect("plain data always serializes");
     bytes.push(b'\n');
-    ledger.keep(name, &bytes)
+    ledger.store(name, &bytes)
 }
 
 #[derive(Serialize, Deserialize)]
@@ -82,8 +82,8 @@ fn check_version(found: u32, read: u32, name: &str) -> Result<()> {
 macro_rules! json_artifact {
     ($($noun:ty => $name:literal),*) => {$(
         impl Artifact for $noun {
-            fn keep(&self, ledger: &mut dyn Ledger, _: &str) -> Result<()> {
-                keep_json(ledger, $name, self)
+            fn store(&self, ledger: &mut dyn Ledger, _: &str) -> Result<()> {
+                store_json(ledger, $name, self)
             }
 
             fn recall(ledger: &dyn Ledger, _: &str) -> Result<Option<Self>> {
@@ -105,8 +105,8 @@ json_artifact!(
 
 /// What a stage spent; the part is its name.
 impl Artifact for Spent {
-    fn keep(&self, ledger: &mut dyn Ledger, part: &str) -> Result<()> {
-        keep_json(ledger, &format!("spent_{part}.json"), self)
+    fn store(&self, ledger: &mut dyn Ledger, part: &str) -> Result<()> {
+        store_json(ledger, &format!("spent_{part}.json"), self)
     }
 
     fn recall(ledger: &dyn Ledger, part: &str) -> Result<Option<Self>> {
@@ -116,12 +116,12 @@ impl Artifact for Spent {
 
 /// S of all by one judge, whose name is the part, as JSON, and beside it every adapted policy.
 impl Artifact for Judged {
-    fn keep(&self, ledger: &mut dyn Ledger, judge: &str) -> Result<()> {
+    fn store(&self, ledger: &mut dyn Ledger, judge: &str) -> Result<()> {
         let tensors = self.adapted.iter().flat_map(|AdaptedPolicy { demo, variant, policy }| {
             policy_tensors(&adapted_prefix(*variant, *demo), policy)
         });
-        ledger.keep(&adapted_name(judge), &write_tensors(&tensors.collect::<Vec<_>>()))?;
-        keep_json(ledger, &scores_name(judge), &self.scores)
+        ledger.store(&adapted_name(judge), &write_tensors(&tensors.collect::<Vec<_>>()))?;
+        store_json(ledger, &scores_name(judge), &self.scores)
     }
 
     fn recall(ledger: &dyn Ledger, judge: &str) -> Result<Option<Self>> {
@@ -154,14 +154,14 @@ fn adapted_prefix(variant: EnvVariant, demo: DemoId) -> String {
 
 /// θ with D_meta.
 impl Artifact for Learner {
-    fn keep(&self, ledger: &mut dyn Ledger, _: &str) -> Result<()> {
+    fn store(&self, ledger: &mut dyn Ledger, _: &str) -> Result<()> {
         let mut tensors = policy_tensors(POLICY, &self.policy);
         tensors.extend(network_tensors(
             "discriminator",
             self.discriminator.network(),
             self.discriminator.parameters(),
         ));
-        ledger.keep(PRIOR, &write_tensors(&tensors))
+        ledger.store(PRIOR, &write_tensors(&tensors))
     }
 
     fn recall(ledger: &dyn Ledger, _: &str) -> Result<Option<Self>> {
@@ -197,12 +197,12 @@ struct CurveFile {
 }
 
 impl Artifact for LearningCurve {
-    fn keep(&self, ledger: &mut dyn Ledger, part: &str) -> Result<()> {
+    fn store(&self, ledger: &mut dyn Ledger, part: &str) -> Result<()> {
         let Self { demos, points, outcome, end, played, best } = self;
         let (demos, points) = (demos.clone(), points.clone());
         let file = CurveFile { demos, points, outcome: *outcome, end: *end, played: *played };
-        ledger.keep(&format!("policy_{part}.safetensors"), &write_policy(best))?;
-        keep_json(ledger, &format!("learning_curve_{part}.json"), &file)
+        ledger.store(&format!("policy_{part}.safetensors"), &write_policy(best))?;
+        store_json(ledger, &format!("learning_curve_{part}.json"), &file)
     }
 
     fn recall(ledger: &dyn Ledger, part: &str) -> Result<Option<Self>> {
@@ -217,8 +217,8 @@ impl Artifact for LearningCurve {
 
 /// A demonstrator's stages of training.
 impl Artifact for Vec<Stage> {
-    fn keep(&self, ledger: &mut dyn Ledger, _: &str) -> Result<()> {
-        ledger.keep(STAGES, &write_checkpoint(self))
+    fn store(&self, ledger: &mut dyn Ledger, _: &str) -> Result<()> {
+        ledger.store(STAGES, &write_checkpoint(self))
     }
 
     fn recall(ledger: &dyn Ledger, _: &str) -> Result<Option<Self>> {
@@ -226,7 +226,7 @@ impl Artifact for Vec<Stage> {
     }
 }
 
-/// Under which name a demonstrator's stages are kept.
+/// Under which name a demonstrator's stages are stored.
 pub const STAGES: &str = "stages.bin";
 
 /// A policy as safetensors: `policy.<layer>.weight` `[in, out]` and `.bias` `[out]`, `policy.log_std` `[act]`,
@@ -240,7 +240,7 @@ pub fn read_policy(bytes: &[u8], name: &str) -> Result<Policy> {
     Tensors::read(bytes, name)?.policy(POLICY)
 }
 
-/// Under which name a stage's checkpoint is kept.
+/// Under which name a stage's checkpoint is stored.
 pub fn checkpoint_name(stage: &str, part: &str) -> String {
     if part.is_empty() { format!("checkpoint_{stage}.bin") } else { format!("checkpoint_{stage}_{part}.bin") }
 }
@@ -437,7 +437,7 @@ mod tests {
 
     fn recalled(bytes: &[u8]) -> Result<Option<Learner>> {
         let mut ledger = InMemory::default();
-        ledger.keep(PRIOR, bytes)?;
+        ledger.store(PRIOR, bytes)?;
         Learner::recall(&ledger, "")
     }
 
@@ -454,7 +454,7 @@ mod tests {
         let learner = learner();
         let mut ledgers = [InMemory::default(), InMemory::default()];
         for ledger in &mut ledgers {
-            learner.keep(ledger, "").expect("memory");
+            learner.store(ledger, "").expect("memory");
         }
         let bytes = ledgers.each_ref().map(|ledger| ledger.recall(PRIOR).expect("memory"));
         assert_eq!(bytes[0], bytes[1]);
@@ -478,7 +478,7 @@ mod tests {
         let (suitabilities, adapted) = [of(0, 0.1), of(1, -0.2)].into_iter().unzip();
         let judged = Judged { scores: ScoreTable { suitabilities }, adapted };
         let mut ledger = InMemory::default();
-        judged.keep(&mut ledger, "paper").expect("memory");
+        judged.store(&mut ledger, "paper").expect("memory");
         assert_eq!(Judged::recall(&ledger, "cloning").expect("readable"), None, "another judge");
         assert_eq!(Judged::recall(&ledger, "paper").expect("readable"), Some(judged));
         ledger.forget(&adapted_name("paper")).expect("memory");
@@ -564,14 +564,14 @@ mod tests {
     #[test]
     fn json_nouns_come_back_and_bad_ones_are_told() {
         let ranking = Ranking {
-            entries: vec![Ranked { demo: DemoId(3), before: 0.1 + 0.2, after: -1e-300, score: f64::MAX }],
+            entries: vec![Ranked { demo: DemoId(3), before: 0.1 + 0.2, after: -1e-300, gain: f64::MAX }],
         };
         let mut ledger = InMemory::default();
         assert_eq!(Ranking::recall(&ledger, "").expect("nothing is no error"), None);
-        ranking.keep(&mut ledger, "").expect("memory");
+        ranking.store(&mut ledger, "").expect("memory");
         assert_eq!(Ranking::recall(&ledger, "").expect("readable"), Some(ranking));
         for bad in ["", "{", "{\"version\": 2}", "{\"version\": 1, \"entries\": []}", "[1]"] {
-            ledger.keep("ranking.json", bad.as_bytes()).expect("memory");
+            ledger.store("ranking.json", bad.as_bytes()).expect("memory");
             let error = Ranking::recall(&ledger, "").expect_err("bad");
             assert!(error.is_bad_input() && error.to_string().contains("ranking.json"), "{error}");
         }

@@ -4,6 +4,7 @@ pub mod artifact;
 pub mod data_only;
 pub mod decline;
 pub mod gain;
+pub mod oracle;
 pub mod panel;
 mod protobuf;
 pub mod recording;

@@ -193,9 +193,8 @@ fn opinion(found: &Found<'_>, seed: &Seed) -> Result<Opinion> {
 
 /// Mean scores over evaluations and variants, `[repeats][n]`: of the repeats that all demonstrations have.
 fn repeats(table: &ScoreTable) -> Vec<Vec<f64>> {
-    let count = table.suitabilities.iter().map(|of| of.after.len()).min().unwrap_or(0);
-    let demos = 1 + table.suitabilities.iter().map(|of| of.demo.0).max().unwrap_or(0);
-    let mut means = vec![vec![0.0; demos]; count];
+    let demos = 1 + table.demos().last().map_or(0, |last| last.0);
+    let mut means = vec![vec![0.0; demos]; table.repeats()];
     for of in &table.suitabilities {
         for (repeat, scores) in means.iter_mut().zip(&of.after) {
             repeat[of.demo.0] += statistics::mean(scores);
@@ -239,7 +238,7 @@ fn agreement(one: &Opinion, other: &Opinion) -> Option<f64> {
     let scores = |opinion: &Opinion| {
         let mut entries = opinion.ranking.entries.clone();
         entries.sort_by_key(|entry| entry.demo);
-        entries.iter().map(|entry| entry.score).collect::<Vec<_>>()
+        entries.iter().map(|entry| entry.gain).collect::<Vec<_>>()
     };
     Some(agreement::spearman(&scores(one), &scores(other))).filter(|agreement| agreement.is_finite())
 }

@@ -15,7 +15,7 @@ use crate::world::heuristic::Score;
 use crate::world::rollout::{self, Acting, Playground};
 
 /// One demonstrator's part in a set: an episode each of these stages, the worst first.
-pub struct Part<'p, 't> {
+pub struct Cast<'p, 't> {
     /// Where the demonstrator plays, in its own body.
     pub playground: &'p Playground<'t>,
     /// Stages as [`choose_stages`] returns them.
@@ -59,7 +59,7 @@ pub struct Origin {
 }
 
 /// The demonstrations of all parts in an order from which nothing can be read.
-pub fn record(parts: &[Part<'_, '_>], seed: &Seed) -> Result<Vec<Recorded>> {
+pub fn record(parts: &[Cast<'_, '_>], seed: &Seed) -> Result<Vec<Recorded>> {
     let mut takes = Vec::new();
     for (index, part) in parts.iter().enumerate() {
         let variants = part.playground.specification().variants.len();
@@ -360,7 +360,7 @@ mod tests {
         let scores: Vec<f64> = (0..12).map(f64::from).collect();
         let stages = stages(&scores);
         let all: Vec<&Stage> = stages.iter().collect();
-        let part = || Part { playground: &playground, stages: choose_stages(&all, 12).expect("some") };
+        let part = || Cast { playground: &playground, stages: choose_stages(&all, 12).expect("some") };
         let recorded = record(&[part()], &Seed::new(5)).expect("plays");
         let updates: Vec<usize> = recorded.iter().map(|recorded| recorded.origin.updates).collect();
         assert!(

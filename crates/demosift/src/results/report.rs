@@ -14,10 +14,9 @@ use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::learning::adapt::UpdateReport;
-use crate::math::agreement;
 use crate::math::statistics;
 use crate::results::artifact::Artifact;
-use crate::results::data_only::DataOnly;
+use crate::results::data_only::{Column, DataOnly};
 use crate::results::gain;
 use crate::results::gain::Gain;
 use crate::results::panel::{self, Disagreement, Judge, Panel, Vote};
@@ -30,7 +29,7 @@ use crate::stages::subset_selection::{Weighing, WeighingEnd};
 use crate::world::environment::{EnvVariant, Task};
 use crate::world::heuristic::Score;
 
-pub use shown::{Part, Shown, agent_episodes, typical_evaluation};
+pub use shown::{Moment, Shown, agent_episodes, typical_evaluation};
 
 /// What a report is made of.
 pub struct Sources<'a> {
@@ -44,8 +43,10 @@ pub struct Sources<'a> {
     pub keep: Keep,
     /// What the judges say.
     pub panel: &'a Panel,
-    /// What others say of the recordings.
-    pub opinions: &'a DataOnly,
+    /// What scorers of the recordings alone say.
+    pub data_only: &'a DataOnly,
+    /// What the recorded demonstrations themselves scored, where the simulator could tell.
+    pub own_heuristic: Option<&'a Column>,
     /// What was played.
     pub costs: &'a Costs,
 }
@@ -94,7 +95,9 @@ pub struct Report {
     /// One a judge, demonstration and variant, in the order of judging.
     pub curves: Vec<AdaptationCurve>,
     /// What the recordings alone say.
-    pub opinions: Vec<Opinion>,
+    pub data_only: Vec<ColumnShown>,
+    /// What the recorded demonstrations themselves scored, where the simulator could tell.
+    pub own_heuristic: Option<ColumnShown>,
     /// What the referee says, where it was asked.
     pub verdict: Option<Verdict>,
     /// The policy from the kept demonstrations beside the one from all, by one training each, where both were trained.
@@ -102,7 +105,7 @@ pub struct Report {
     /// How the weights went (Algorithm 3), where they were asked for.
     pub weights: Option<WeightTrends>,
     /// What was played.
-    pub costs: Played,
+    pub costs: Spending,
 }
 
 /// A place of the ranking.
@@ -190,9 +193,9 @@ pub struct Band {
     pub high: f64,
 }
 
-/// What one scorer of the recordings says.
+/// A column of numbers beside the ranking.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Opinion {
+pub struct ColumnShown {
     /// The scorer.
     pub name: String,
     /// What its number is.
@@ -235,7 +238,7 @@ pub struct WeightTrends {
 
 /// Environment steps.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Played {
+pub struct Spending {
     /// What every method may spend on learning to imitate and on judging.
     pub quota: u64,
     /// What was spent of that.
@@ -254,7 +257,7 @@ pub fn report(sources: &Sources<'_>) -> Result<Report> {
     let scores = judged(ledger, panel.decides)?.scores;
     let subset = Subset::recall(ledger, "")?;
     let kept = subset.as_ref().map_or(&[][..], |subset| &subset.demos);
-    let k = if kept.is_empty() { set.len().div_ceil(4) } else { kept.len() };
+    let k = if kept.is_empty() { select::quarter(set.len()) } else { kept.len() };
     let specification = task.specification();
     let before: Vec<Score> = ranking.entries.iter().map(|entry| entry.before).collect();
     Ok(Report {
@@ -273,16 +276,17 @@ pub fn report(sources: &Sources<'_>) -> Result<Report> {
         before: statistics::mean(&before),
         level: uncertainty.level,
         caveat: uncertainty.caveat(),
-        entries: entries(sources, &scores, (kept, k))?,
+        entries: entries(sources, &scores, kept, k)?,
         groups: uncertainty.groups.len(),
         top_set: uncertainty.top_set.get(k - 1).copied().unwrap_or(f64::NAN),
         adapted_behaviors_distance: scores.adapted_behaviors_distance(),
         curves: curves(sources)?,
-        opinions: opinions(ranking, sources.opinions),
+        data_only: sources.data_only.columns.iter().map(|column| beside(ranking, column)).collect(),
+        own_heuristic: sources.own_heuristic.map(|column| beside(ranking, column)),
         verdict: Verdict::recall(ledger, "")?,
         learning: learning(ledger, set)?,
         weights: Weighing::recall(ledger, "")?.map(trends),
-        costs: played(sources.costs),
+        costs: spending(sources.costs),
     })
 }
 
@@ -309,7 +313,7 @@ fn curves(sources: &Sources<'_>) -> Result<Vec<AdaptationCurve>> {
     Ok(curves)
 }
 
-fn entries(sources: &Sources<'_>, scores: &ScoreTable, (kept, k): (&[DemoId], usize)) -> Result<Vec<Entry>> {
+fn entries(sources: &Sources<'_>, scores: &ScoreTable, kept: &[DemoId], k: usize) -> Result<Vec<Entry>> {
     let panel::Opinion { ranking, uncertainty, .. } = sources.panel.deciding();
     let variants = sources.task.specification().variants.len();
     let under: Vec<Ranking> = match variants {
@@ -320,14 +324,14 @@ fn entries(sources: &Sources<'_>, scores: &ScoreTable, (kept, k): (&[DemoId], us
         let demo = entry.demo;
         let doubt = uncertainty.of(demo).ok_or_else(|| foreign(demo))?;
         let gain = |ranking: &Ranking| {
-            ranking.entries.iter().find(|entry| entry.demo == demo).map_or(f64::NAN, |entry| entry.score)
+            ranking.entries.iter().find(|entry| entry.demo == demo).map_or(f64::NAN, |entry| entry.gain)
         };
         let group = uncertainty.groups.iter().position(|group| group.contains(&demo));
         Ok(Entry {
             demo,
             steps: sources.set.get(demo).steps(),
             after: entry.after,
-            gain: entry.score,
+            gain: entry.gain,
             low: doubt.low,
             high: doubt.high,
             improves: doubt.improves,
@@ -350,7 +354,7 @@ fn said(opinion: &panel::Opinion, demo: DemoId) -> Result<Said> {
     let doubts = &opinion.uncertainty.demonstrations;
     let place = doubts.iter().position(|doubt| doubt.demo == demo).ok_or_else(|| foreign(demo))?;
     let doubt = &doubts[place];
-    Ok(Said { place: place + 1, gain: doubt.score, low: doubt.low, high: doubt.high })
+    Ok(Said { place: place + 1, gain: doubt.gain, low: doubt.low, high: doubt.high })
 }
 
 fn foreign(demo: DemoId) -> Error {
@@ -383,15 +387,11 @@ fn bands(curves: &[Vec<UpdateReport>], number: impl Fn(&UpdateReport) -> Option<
     (0..updates).map_while(band).collect()
 }
 
-fn opinions(ranking: &Ranking, opinions: &DataOnly) -> Vec<Opinion> {
-    let gains: Vec<Score> = ranking.entries.iter().map(|entry| entry.score).collect();
-    let opinion = |column: &crate::results::data_only::Column| {
-        let scores: Vec<f64> = ranking.entries.iter().map(|entry| column.scores[entry.demo.0]).collect();
-        let spearman = Some(agreement::spearman(&gains, &scores)).filter(|value| value.is_finite());
-        let (name, meaning) = (column.name.clone(), column.meaning.clone());
-        Opinion { name, meaning, places: places(&scores), scores, spearman }
-    };
-    opinions.columns.iter().map(opinion).collect()
+/// A column in the order of the ranking.
+fn beside(ranking: &Ranking, column: &Column) -> ColumnShown {
+    let scores: Vec<f64> = ranking.entries.iter().map(|entry| column.scores[entry.demo.0]).collect();
+    let (name, meaning) = (column.name.clone(), column.meaning.clone());
+    ColumnShown { name, meaning, places: places(&scores), scores, spearman: column.agreement(ranking) }
 }
 
 /// The place of each from 1, the highest first; those alike share the mean of their places.
@@ -421,9 +421,9 @@ fn trends(weighing: Weighing) -> WeightTrends {
     WeightTrends { rounds: rounds.collect(), end: weighing.end, demos: weighing.demos }
 }
 
-fn played(costs: &Costs) -> Played {
+fn spending(costs: &Costs) -> Spending {
     let stages = costs.spent.iter().map(|(stage, spent)| (stage.clone(), spent.environment_steps));
-    Played { quota: costs.plan.quota, of_quota: costs.of_quota(), stages: stages.collect() }
+    Spending { quota: costs.budget.quota, of_quota: costs.of_quota(), stages: stages.collect() }
 }
 
 #[cfg(test)]

@@ -20,7 +20,8 @@ pub fn first_record() -> Vec<u8> {
 /// agrees up to the first slash into one group. A number that is not finite was not measured, and has no point.
 pub fn record<'a>(
     place: usize,
-    (stage, part): (&str, &str),
+    stage: &str,
+    part: &str,
     iteration: u64,
     numbers: impl IntoIterator<Item = (&'a str, f64)>,
 ) -> Vec<u8> {
@@ -93,12 +94,12 @@ mod tests {
         let hexadecimal = |bytes: Vec<u8>| bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
         assert_eq!(hexadecimal(first_record()), first);
         let numbers = [("score", 0.1), ("success", f64::NAN), ("kl", -1e30)];
-        assert_eq!(hexadecimal(record(300, ("judge", "demonstration 3"), 1000, numbers)), measured);
+        assert_eq!(hexadecimal(record(300, "judge", "demonstration 3", 1000, numbers)), measured);
     }
 
     #[test]
     fn a_stage_of_one_part_has_no_part_in_its_tags() {
-        let record = record(0, ("meta_train", ""), 7, [("kl", 0.5)]);
+        let record = record(0, "meta_train", "", 7, [("kl", 0.5)]);
         let tag = b"\x0dmeta_train/kl\x15";
         assert!(record.windows(tag.len()).any(|bytes| bytes == tag), "{record:?}");
     }

@@ -1,4 +1,4 @@
-//! How sure a judgment is: an interval of each score, the probability of belonging to the top K, and which
+//! How sure a judgment is: an interval of each gain, the probability of belonging to the top K, and which
 //! demonstrations this budget cannot tell apart (not in the paper, which shows one ranking without a doubt in it).
 //!
 //! The judgment is drawn again many times from what was measured, and every statement is a share of those draws.
@@ -29,7 +29,6 @@ use crate::basics::seed::{Rng, Seed};
 use crate::data::demonstration::DemoId;
 use crate::math::statistics::{Moderation, mean, mean_at, mean_of, quantile, resample, squared_deviations};
 use crate::stages::judge::{ScoreTable, Suitability};
-use crate::world::environment::EnvVariant;
 use crate::world::heuristic::Score;
 
 /// How the judgment is drawn again; nothing of it is in the paper.
@@ -76,7 +75,8 @@ pub struct Doubt {
     /// v_i.
     pub demo: DemoId,
     /// S, the mean over variants (Eq. 8).
-    pub score: Score,
+    #[serde(rename = "score")]
+    pub gain: Score,
     /// Lower end of the interval of S.
     pub low: Score,
     /// Upper end of the interval of S.
@@ -169,7 +169,7 @@ impl Uncertainty {
 /// assert_eq!(found.groups, [vec![DemoId(2), DemoId(0)], vec![DemoId(1)]]);
 /// assert_eq!(found.worth_keeping(), [DemoId(2), DemoId(0)]);
 /// let first = &found.demonstrations[0];
-/// assert!(first.low < first.score && first.score < first.high);
+/// assert!(first.low < first.gain && first.gain < first.high);
 /// assert!((0.3..0.8).contains(&first.top[0]), "to be the best: {}", first.top[0]);
 /// # Ok::<(), demosift::Error>(())
 /// ```
@@ -184,7 +184,7 @@ pub fn uncertainty(table: &ScoreTable, resampling: &Resampling, seed: &Seed) -> 
         let (low, high) = interval(draws.iter().map(|draw| draw[index]).collect(), resampling.level);
         Doubt {
             demo: judged[index].demo,
-            score: judged[index].score,
+            gain: judged[index].gain,
             low,
             high,
             improves: improves[index],
@@ -205,7 +205,7 @@ pub fn uncertainty(table: &ScoreTable, resampling: &Resampling, seed: &Seed) -> 
 /// What was measured of one demonstration.
 struct Judged {
     demo: DemoId,
-    score: Score,
+    gain: Score,
     variants: Vec<UnderVariant>,
 }
 
@@ -221,26 +221,20 @@ struct UnderVariant {
 
 /// The table by demonstration, in an order that does not depend on ids, with the numbers of repeats and evaluations.
 fn judged(table: &ScoreTable) -> Result<(Vec<Judged>, usize, usize)> {
-    let suitabilities = &table.suitabilities;
-    let first = suitabilities.first().ok_or_else(|| Error::bad_input("the score table is empty"))?;
-    let repeats = suitabilities.iter().map(|of| of.after.len()).min().unwrap_or(0);
+    let first = table.suitabilities.first().ok_or_else(|| Error::bad_input("the score table is empty"))?;
+    let repeats = table.repeats();
     let evaluations = first.before.first().map_or(0, Vec::len);
     if repeats == 0 || evaluations == 0 {
         return Err(Error::bad_input(
             "the score table holds no scores; at least 1 repeat and 1 evaluation are needed",
         ));
     }
-    let mut demos: Vec<DemoId> = suitabilities.iter().map(|suitability| suitability.demo).collect();
-    let mut variants: Vec<EnvVariant> = suitabilities.iter().map(|suitability| suitability.variant).collect();
-    demos.sort_unstable();
-    demos.dedup();
-    variants.sort_unstable();
-    variants.dedup();
+    let (demos, variants) = (table.demos(), table.variants());
     let mut judged = Vec::with_capacity(demos.len());
     for demo in demos {
         let mut of_demo = Vec::with_capacity(variants.len());
         for &variant in &variants {
-            let mut found = suitabilities.iter().filter(|s| s.demo == demo && s.variant == variant);
+            let mut found = table.of_demo(demo).filter(|s| s.variant == variant);
             let (Some(one), None) = (found.next(), found.next()) else {
                 return Err(Error::bad_input(format!(
                     "the score table must hold demonstration {demo} under variant {} exactly once",
@@ -250,8 +244,8 @@ fn judged(table: &ScoreTable) -> Result<(Vec<Judged>, usize, usize)> {
             check_shape(one, evaluations)?;
             of_demo.push(one);
         }
-        let score = mean_of(of_demo.iter().map(|s| s.score()));
-        judged.push(Judged { demo, score, variants: of_demo.into_iter().map(under_variant).collect() });
+        let gain = mean_of(of_demo.iter().map(|s| s.gain()));
+        judged.push(Judged { demo, gain, variants: of_demo.into_iter().map(under_variant).collect() });
     }
     judged.sort_by(compare);
     Ok((judged, repeats, evaluations))
@@ -287,7 +281,7 @@ fn compare(left: &Judged, right: &Judged) -> std::cmp::Ordering {
         let of = |under: &UnderVariant| {
             [under.repeat_squares].into_iter().chain(under.gains.clone()).collect::<Vec<_>>()
         };
-        [judged.score].into_iter().chain(judged.variants.iter().flat_map(of)).collect()
+        [judged.gain].into_iter().chain(judged.variants.iter().flat_map(of)).collect()
     };
     let (left, right) = (numbers(left), numbers(right));
     let unequal = left.iter().zip(&right).map(|(left, right)| left.total_cmp(right));
@@ -303,7 +297,7 @@ fn draw(
 ) -> Result<Vec<Vec<Score>>> {
     let mut rng = seed.of("evaluations").into_rng();
     let variants = judged[0].variants.len();
-    let mut draws = vec![judged.iter().map(|judged| judged.score).collect::<Vec<Score>>(); resampling.draws];
+    let mut draws = vec![judged.iter().map(|judged| judged.gain).collect::<Vec<Score>>(); resampling.draws];
     for draw in &mut draws {
         for variant in 0..variants {
             let picks = resample(evaluations, &mut rng);
@@ -442,7 +436,7 @@ fn top_probabilities(draws: &[Vec<Score>]) -> Vec<Vec<f64>> {
 fn places(judged: &[Judged]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..judged.len()).collect();
     order.sort_by(|&a, &b| {
-        judged[b].score.total_cmp(&judged[a].score).then(judged[a].demo.cmp(&judged[b].demo))
+        judged[b].gain.total_cmp(&judged[a].gain).then(judged[a].demo.cmp(&judged[b].demo))
     });
     order
 }

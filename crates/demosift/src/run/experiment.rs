@@ -1,6 +1,6 @@
 //! The whole flow as one function: a noisy set goes in; a ranking, a subset and a better policy come out.
 //!
-//! Each arrow of the flow makes one noun, and a [`Ledger`] keeps the nouns: what a ledger already holds is not made
+//! Each arrow of the flow makes one result, and a [`Ledger`] stores the results: what a ledger already holds is not made
 //! again, and what was begun goes on from its last checkpoint to the identical result.
 //!
 //! [`sift`] is the whole job, shown on the first page of this crate; its stages can be taken one by one:
@@ -41,9 +41,11 @@
 //! # Ok::<(), demosift::Error>(())
 //! ```
 
+pub(crate) mod arrows;
+mod checkpointing;
 mod checks;
 mod judging;
-mod keeping;
+mod oracle;
 mod verdict;
 
 use serde::{Deserialize, Serialize};
@@ -59,7 +61,7 @@ use crate::results::artifact::{Artifact, onnx};
 use crate::results::data_only::{self, DataOnly};
 use crate::results::panel::{Judge, Judges, Opinion, Panel};
 use crate::results::uncertainty::Uncertainty;
-use crate::stages::imitate::{self, Imitation, ImitationState, LearningCurve};
+use crate::stages::imitate::{self, Imitation, ImitationState, LearningCurve, Lesson};
 use crate::stages::judge::{self, Judging};
 use crate::stages::meta_train::{MetaTraining, MutualInformation};
 use crate::stages::method::{Costs, Method, Spent};
@@ -69,13 +71,16 @@ use crate::stages::subset_selection::{self, Means, SubsetSelection, Weighing, We
 use crate::world::policy::PolicyShape;
 use crate::world::rollout::Playground;
 
+use arrows::Arrow;
+pub use checkpointing::Checkpointing;
+pub(crate) use checkpointing::{begun, stage_name};
 pub use checks::{check, check_demonstrator, check_fits, check_has_weights};
 pub use judging::{
-    check_budget, first_start, hand_on, judging, judging_seed, opinion, panel, plan, prior, scores,
+    budget, check_budget, first_start, hand_on, judging, judging_seed, opinion, panel, prior, scores,
 };
-pub(crate) use judging::{cloning_update, information, learning_seed};
-pub use keeping::Keeping;
-pub(crate) use keeping::{begun, stage_name};
+pub(crate) use judging::{cloning_update, information, learning, learning_seed};
+pub use oracle::{oracle, oracle_curve, policy_from_kept, random_subset};
+pub(crate) use oracle::{oracle_part, random_part};
 pub(crate) use verdict::rest as rest_of_verdict;
 pub use verdict::{BEST, verdict};
 
@@ -121,7 +126,7 @@ pub struct CloningJudge {
     pub cloning: Cloning,
 }
 
-/// What a run is about, and where it keeps and tells what it finds.
+/// What a run is about, and where it stores and tells what it finds.
 pub struct Run<'a> {
     /// V.
     pub set: &'a DemonstrationSet,
@@ -129,7 +134,7 @@ pub struct Run<'a> {
     pub playground: &'a Playground<'a>,
     /// How.
     pub config: &'a Config,
-    /// Keeps the nouns.
+    /// Stores the results.
     pub ledger: &'a mut dyn Ledger,
     /// Hears of progress.
     pub observer: &'a mut dyn Observer,
@@ -169,6 +174,21 @@ pub fn sift(run: &mut Run<'_>) -> Result<Sifted> {
     Ok(Sifted { panel, selection, data_only, verdict })
 }
 
+/// Makes all that is wanted and not there.
+fn make(run: &mut Run<'_>, wanted: &[Arrow]) -> Result<()> {
+    for arrow in arrows::missing(run, wanted)? {
+        match arrow {
+            Arrow::Prior => drop(prior(run)?),
+            Arrow::Scores(judge) => drop(scores(run, judge)?),
+            Arrow::Weighing => {
+                let prior = prior(run)?;
+                weighing(run, &prior)?;
+            }
+        }
+    }
+    Ok(())
+}
+
 /// The random numbers of the selection by weights.
 pub(crate) fn weighing_seed(config: &Config) -> Seed {
     Seed::new(config.seed).of(subset_selection::STAGE)
@@ -184,16 +204,12 @@ pub fn weighing(run: &mut Run<'_>, prior: &MetaPrior) -> Result<Weighing> {
     let seed = weighing_seed(config);
     let start = || Ok(WeighingState::start(set, prior.clone(), information(config), &seed.of("start")));
     let stage = subset_selection::STAGE;
-    let (state, mut keeping) = Keeping::begin((*ledger, *observer), playground, stage, "", start)?;
-    let means = Means {
-        selection: &config.subset_selection,
-        training: &config.meta_train,
-        inner: &config.inner,
-        information: &config.mutual_information,
-        judging: &config.judge,
-    };
-    let weighing = subset_selection::select_subset(set, playground, &means, state, &seed, &mut keeping)?;
-    keeping.finish("", &weighing)?;
+    let (state, mut checkpointing) = Checkpointing::begin(*ledger, *observer, playground, stage, "", start)?;
+    let means =
+        Means { selection: &config.subset_selection, learning: learning(config), judging: &config.judge };
+    let weighing =
+        subset_selection::select_subset(set, playground, &means, state, &seed, &mut checkpointing)?;
+    checkpointing.finish("", &weighing)?;
     Ok(weighing)
 }
 
@@ -209,7 +225,7 @@ pub fn costs(run: &Run<'_>) -> Result<Costs> {
     let recall = |stage: String| Ok(Spent::recall(run.ledger, &stage)?.map(|spent| (stage, spent)));
     let stages = stages.chain(imitations).chain([referee::STAGE.to_owned()]);
     let spent = stages.filter_map(|stage| recall(stage).transpose());
-    Ok(Costs { method, plan: plan(run), judging, spent: spent.collect::<Result<_>>()? })
+    Ok(Costs { method, budget: budget(run), judging, spent: spent.collect::<Result<_>>()? })
 }
 
 /// What scorers of the recorded data alone say of the set; nothing of it enters a ranking.
@@ -218,7 +234,7 @@ pub fn data_only(run: &mut Run<'_>) -> Result<DataOnly> {
         return Ok(found);
     }
     let found = data_only::data_only(run.set)?;
-    found.keep(run.ledger, "")?;
+    found.store(run.ledger, "")?;
     Ok(found)
 }
 
@@ -278,6 +294,7 @@ fn kept(run: &Run<'_>, opinion: &Opinion) -> Result<Subset> {
 
 /// Panel → Ranking, Uncertainty, Subset: what the judge that decides would keep.
 pub fn selection(run: &mut Run<'_>, panel: &Panel) -> Result<Selection> {
+    make(run, &arrows::for_selection(run.config))?;
     let Opinion { ranking, uncertainty, .. } = panel.deciding().clone();
     let subset = match run.config.keep {
         Keep::Quarter | Keep::Count(_) | Keep::Auto => kept(run, panel.deciding())?,
@@ -286,9 +303,9 @@ pub fn selection(run: &mut Run<'_>, panel: &Panel) -> Result<Selection> {
             Subset { demos: weighing(run, &prior)?.demos }
         }
     };
-    ranking.keep(run.ledger, "")?;
-    uncertainty.keep(run.ledger, "")?;
-    subset.keep(run.ledger, "")?;
+    ranking.store(run.ledger, "")?;
+    uncertainty.store(run.ledger, "")?;
+    subset.store(run.ledger, "")?;
     Ok(Selection { ranking, uncertainty, subset })
 }
 
@@ -303,31 +320,6 @@ pub fn learning_curve(run: &mut Run<'_>, part: &str, demos: &[DemoId]) -> Result
     learning_curve_with(run, part, &demos, &seed)
 }
 
-/// The oracle (from scratch on one demonstration alone) with a seed of its own, which no other stage shares.
-pub fn oracle(run: &mut Run<'_>, demo: DemoId, repeat: usize) -> Result<LearningCurve> {
-    let seed = Seed::new(run.config.seed).of("oracle").at(repeat);
-    learning_curve_with(run, &oracle_part(demo, repeat), &[demo], &seed)
-}
-
-/// Under which name the oracle's imitations are kept.
-pub(crate) fn oracle_part(demo: DemoId, repeat: usize) -> String {
-    format!("oracle_{demo}_{repeat}")
-}
-
-/// From scratch on a random subset of so many demonstrations, with the random numbers of the kept one; `number` tells
-/// several apart.
-pub fn random_subset(run: &mut Run<'_>, size: usize, number: usize) -> Result<LearningCurve> {
-    use rand::seq::IndexedRandom;
-    let mut rng = Seed::new(run.config.seed).of("random_subset").at(number).into_rng();
-    let demos: Vec<DemoId> = run.set.ids().sample(&mut rng, size).copied().collect();
-    learning_curve(run, &random_part(number), &demos)
-}
-
-/// Under which name the imitations of random subsets are kept.
-pub(crate) fn random_part(number: usize) -> String {
-    format!("random_{number}")
-}
-
 fn learning_curve_with(
     run: &mut Run<'_>,
     part: &str,
@@ -339,18 +331,19 @@ fn learning_curve_with(
         && curve.demos == demos
     {
         // Again, in case that the run was killed between the two.
-        onnx::keep_policy(*ledger, part, &curve.best, playground.specification())?;
+        onnx::store_policy(*ledger, part, &curve.best, playground.specification())?;
         return Ok(curve);
     }
     let imitation = &config.imitate;
-    let start = || Ok(ImitationState::start((set, demos), &config.policy, imitation, &seed.of("start")));
-    let (mut state, mut keeping) =
-        Keeping::begin((*ledger, *observer), playground, imitate::STAGE, part, start)?;
+    let start = || Ok(ImitationState::start(set, demos, &config.policy, imitation, &seed.of("start")));
+    let (mut state, mut checkpointing) =
+        Checkpointing::begin(*ledger, *observer, playground, imitate::STAGE, part, start)?;
     if state.demos() != demos {
         state = start()?;
     }
-    let curve = imitate::imitate(set, playground, imitation, state, seed, (part, &mut keeping))?;
-    keeping.finish(part, &curve)?;
-    onnx::keep_policy(*ledger, part, &curve.best, playground.specification())?;
+    let lesson = Lesson { set, playground, imitation, part, seed };
+    let curve = imitate::imitate(&lesson, state, &mut checkpointing)?;
+    checkpointing.finish(part, &curve)?;
+    onnx::store_policy(*ledger, part, &curve.best, playground.specification())?;
     Ok(curve)
 }

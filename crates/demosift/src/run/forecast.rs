@@ -20,7 +20,7 @@ use crate::math::rows::Rows;
 use crate::results::panel::Judge;
 use crate::run::experiment::{self, Run};
 use crate::stages::demonstrator::{self, DemonstratorState, DemonstratorTraining};
-use crate::stages::meta_train::{self, MetaState, MetaTraining};
+use crate::stages::meta_train::{self, Learning, MetaState, MetaTraining};
 use crate::stages::referee::imitation_by;
 use crate::world::environment::EnvVariant;
 use crate::world::policy::Policy;
@@ -162,11 +162,11 @@ impl Probe<'_, '_> {
             }
             Piece::Inner { judge: Judge::Paper } => self.updates_at_once(&config.inner, &seed, clock),
             Piece::PreTraining { demonstrations } => {
-                self.update(&config.inner, (1, demonstrations), &seed, clock)
+                self.update(&config.inner, 1, demonstrations, &seed, clock)
             }
             Piece::Imitation { rule, at_once, demonstrations } => {
                 let update = imitation_by(rule, &config.imitate).update;
-                self.update(&update, (at_once, demonstrations), &seed, clock)
+                self.update(&update, at_once, demonstrations, &seed, clock)
             }
             Piece::Evaluation { episodes } => {
                 playing_seconds(self.run.playground, &self.untrained(&seed).policy, episodes, &seed, clock)
@@ -188,8 +188,8 @@ impl Probe<'_, '_> {
         seconds_per_unit(clock, || {
             let from = state.take().expect("each trial leaves one");
             let training = MetaTraining { rounds: from.rounds + 1, meta_batch, ..config.meta_train.clone() };
-            let learning = (&training, &config.inner, &config.mutual_information);
-            state = Some(meta_train::meta_train(set, playground, learning, from, seed, &mut Silent)?);
+            let learning = Learning { training: &training, ..experiment::learning(config) };
+            state = Some(meta_train::meta_train(set, playground, &learning, from, seed, &mut Silent)?);
             Ok(1.0)
         })
     }
@@ -197,14 +197,15 @@ impl Probe<'_, '_> {
     /// Updates toward one demonstration each, spread over the threads as judging does.
     fn updates_at_once(&self, inner: &InnerUpdate, seed: &Seed, clock: Clock<'_>) -> Result<f64> {
         let at_once = UPDATES_PER_THREAD * rayon::current_num_threads();
-        Ok(self.update(inner, (at_once, 1), seed, clock)? / at_once as f64)
+        Ok(self.update(inner, at_once, 1, seed, clock)? / at_once as f64)
     }
 
     /// So many updates at once, each toward so many demonstrations.
     fn update(
         &self,
         inner: &InnerUpdate,
-        (at_once, demonstrations): (usize, usize),
+        at_once: usize,
+        demonstrations: usize,
         seed: &Seed,
         clock: Clock<'_>,
     ) -> Result<f64> {

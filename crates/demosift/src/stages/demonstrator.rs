@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::basics::error::Result;
-use crate::basics::observer::{Event, Observer};
+use crate::basics::observer::{Event, Observer, is_due};
 use crate::basics::seed::Seed;
 use crate::data::observation_filter::Moments;
 use crate::data::trajectory::Trajectory;
@@ -128,7 +128,7 @@ pub fn train(
         let enough = |success: Option<f64>| success.is_some_and(|share| share >= training.enough_success);
         let last = state.updates >= training.updates
             || enough(stage.success) && enough(confirmed_success(playground, &state, seed)?);
-        if last || state.updates.is_multiple_of(training.snapshot_every.max(1)) {
+        if last || is_due(state.updates, training.snapshot_every) {
             state.stages.push(stage);
         }
         if last {
@@ -137,7 +137,7 @@ pub fn train(
         improve(&mut state, playground, training, &by_variant)
             .map_err(|error| error.during(&format!("demonstrator, update {}", state.updates)))?;
         observer.on(Event::Advanced { stage: STAGE, done: state.updates });
-        if state.updates.is_multiple_of(training.checkpoint_every.max(1)) {
+        if is_due(state.updates, training.checkpoint_every) {
             observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &state });
         }
     }

@@ -9,11 +9,11 @@
 use serde::{Deserialize, Serialize};
 
 use crate::basics::error::{Error, Result};
-use crate::basics::observer::{Event, Observer};
+use crate::basics::observer::{Event, Observer, is_due, times_due};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::data::trajectory::Trajectory;
-use crate::learning::adapt::{self, InnerUpdate, Learner, Played, Rule};
+use crate::learning::adapt::{self, InnerUpdate, Learner, Played, Rule, Updated};
 use crate::learning::gail;
 use crate::math::nn::adam::Adam;
 use crate::math::rows::Rows;
@@ -103,13 +103,29 @@ pub struct ImitationState {
     best: Policy,
 }
 
+/// What is imitated from scratch, where and how.
+#[derive(Clone, Copy)]
+pub struct Lesson<'a> {
+    /// V, which holds what is imitated.
+    pub set: &'a DemonstrationSet,
+    /// E with K.
+    pub playground: &'a Playground<'a>,
+    /// How a policy imitates.
+    pub imitation: &'a Imitation,
+    /// Names this imitation among others in events.
+    pub part: &'a str,
+    /// All random numbers.
+    pub seed: &'a Seed,
+}
+
 /// Name of the stage in events.
 pub const STAGE: &str = "imitate";
 
 impl ImitationState {
     /// A learner that knows nothing and is to imitate `demos`.
     pub fn start(
-        (set, demos): (&DemonstrationSet, &[DemoId]),
+        set: &DemonstrationSet,
+        demos: &[DemoId],
         shape: &PolicyShape,
         imitation: &Imitation,
         seed: &Seed,
@@ -147,35 +163,46 @@ impl ImitationState {
     }
 }
 
-/// Updates that an imitation makes, where episodes last to the horizon.
-pub fn updates(task: &Specification, imitation: &Imitation) -> usize {
-    match imitation.update.imitation {
-        Rule::Gail => {
-            imitation.environment_steps.div_ceil(imitation.update.episodes(task.horizon) * task.horizon)
-        }
-        Rule::BehavioralCloning => imitation.cloning_updates,
+/// What an imitation takes, where episodes last to the horizon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Effort {
+    /// Updates.
+    pub updates: usize,
+    /// Environment steps that learning plays.
+    pub learning_steps: u64,
+    /// Environment steps that evaluating plays.
+    pub evaluating_steps: u64,
+}
+
+impl Effort {
+    /// One imitation in a task.
+    pub fn of(task: &Specification, imitation: &Imitation) -> Self {
+        let batch = imitation.update.episodes(task.horizon) * task.horizon;
+        let updates = match imitation.update.imitation {
+            Rule::Gail => imitation.environment_steps.div_ceil(batch),
+            Rule::BehavioralCloning => imitation.cloning_updates,
+        };
+        // Besides those on the way one at the end, and of the best and the last policy one each on other episodes; both are
+        // played even where they are the same policy, so that this count is exact.
+        let evaluations = times_due(updates, imitation.evaluate_every) + 3;
+        let evaluating = evaluations * imitation.evaluations * task.variants.len() * task.horizon;
+        Self { updates, learning_steps: (updates * batch) as u64, evaluating_steps: evaluating as u64 }
+    }
+
+    /// Environment steps in all.
+    pub fn steps(&self) -> u64 {
+        self.learning_steps + self.evaluating_steps
     }
 }
 
-/// Environment steps that an imitation takes, evaluations among them, where episodes last to the horizon.
-pub fn steps(task: &Specification, imitation: &Imitation) -> u64 {
-    let updates = updates(task, imitation);
-    // Besides those on the way one at the end, and of the best and the last policy one each on other episodes; both are
-    // played even where they are the same policy, so that this count is exact.
-    let evaluations = updates.div_ceil(imitation.evaluate_every.max(1)) + 3;
-    let evaluating = evaluations * imitation.evaluations * task.variants.len();
-    let learning = updates * imitation.update.episodes(task.horizon);
-    ((learning + evaluating) * task.horizon) as u64
-}
-
-/// Imitates the demonstrations that `state` is about from scratch; `part` names this imitation among others in events.
+/// Imitates the demonstrations that `state` is about from scratch.
 ///
 /// ```
 /// use demosift::basics::observer::Silent;
 /// use demosift::basics::seed::Seed;
 /// use demosift::data::demonstration::DemoId;
 /// use demosift::run::preset::Preset;
-/// use demosift::stages::imitate::{ImitationState, imitate};
+/// use demosift::stages::imitate::{ImitationState, Lesson, imitate};
 /// use demosift::world::point_mass::{PointMass, planted_set};
 /// use demosift::world::rollout::Playground;
 ///
@@ -188,9 +215,10 @@ pub fn steps(task: &Specification, imitation: &Imitation) -> u64 {
 /// config.imitate.update.discriminator.learning_rate = 0.01;
 ///
 /// let learn_from = |demos: &[DemoId]| {
-///     let (how, seed) = (&config.imitate, Seed::new(3));
-///     let start = ImitationState::start((&set, demos), &config.policy, how, &seed);
-///     imitate(&set, &playground, how, start, &seed, ("subset", &mut Silent))
+///     let (imitation, seed) = (&config.imitate, &Seed::new(3));
+///     let start = ImitationState::start(&set, demos, &config.policy, imitation, seed);
+///     let lesson = Lesson { set: &set, playground: &playground, imitation, part: "subset", seed };
+///     imitate(&lesson, start, &mut Silent)
 /// };
 /// let east = learn_from(&[DemoId(1), DemoId(2)])?;
 /// let west = learn_from(&[DemoId(0)])?;
@@ -204,13 +232,11 @@ pub fn steps(task: &Specification, imitation: &Imitation) -> u64 {
 /// # Ok::<(), demosift::Error>(())
 /// ```
 pub fn imitate(
-    set: &DemonstrationSet,
-    playground: &Playground<'_>,
-    imitation: &Imitation,
+    lesson: &Lesson<'_>,
     mut state: ImitationState,
-    seed: &Seed,
-    (part, observer): (&str, &mut dyn Observer),
+    observer: &mut dyn Observer,
 ) -> Result<LearningCurve> {
+    let Lesson { set, imitation, part, seed, .. } = *lesson;
     let demos = state.demos.clone();
     if demos.is_empty() {
         return Err(Error::bad_input("nothing to imitate: the subset is empty"));
@@ -222,49 +248,43 @@ pub fn imitate(
     let (done, total) = state.progress(imitation);
     observer.on(Event::Started { stage: STAGE, done, total });
     while state.progress(imitation).0 < total {
-        if state.updates.is_multiple_of(imitation.evaluate_every.max(1)) {
-            evaluate(&mut state, playground, imitation, (seed, part, observer))?;
+        if is_due(state.updates, imitation.evaluate_every) {
+            evaluate(lesson, &mut state, observer)?;
         }
-        improve(&mut state, &demonstrated, playground, imitation, (seed, part, observer))
+        improve(lesson, &mut state, &demonstrated, observer)
             .map_err(|error| error.during(&format!("imitation, update {}", state.updates)))?;
         observer.on(Event::Advanced { stage: STAGE, done: state.progress(imitation).0 });
-        if state.updates.is_multiple_of(imitation.checkpoint_every.max(1)) {
+        if is_due(state.updates, imitation.checkpoint_every) {
             observer.on(Event::Checkpoint { stage: STAGE, part, state: &state });
         }
     }
-    evaluate(&mut state, playground, imitation, (seed, part, observer))?;
+    evaluate(lesson, &mut state, observer)?;
     let outcome_seed = seed.of("outcome");
     let (best, last) = (state.best.clone(), state.learner.policy.clone());
-    let outcome = point(&mut state, &best, playground, imitation, &outcome_seed)?;
-    let end = point(&mut state, &last, playground, imitation, &outcome_seed)?;
+    let outcome = point(lesson, &mut state, &best, &outcome_seed)?;
+    let end = point(lesson, &mut state, &last, &outcome_seed)?;
     let played = state.environment_steps as u64 + state.evaluated;
     Ok(LearningCurve { demos, points: state.points, outcome, end, played, best })
 }
 
 /// Plays and makes one update; variants take turns.
 fn improve(
+    lesson: &Lesson<'_>,
     state: &mut ImitationState,
     demonstrated: &[&Rows],
-    playground: &Playground<'_>,
-    imitation: &Imitation,
-    (seed, part, observer): (&Seed, &str, &mut dyn Observer),
+    observer: &mut dyn Observer,
 ) -> Result<()> {
+    let Lesson { playground, imitation, part, seed, .. } = *lesson;
     let episodes = imitation.update.episodes(playground.specification().horizon);
     let variant = EnvVariant(state.updates % playground.specification().variants.len());
     let seeds = seed.of("play").at(state.updates).many(episodes);
     let policy = &state.learner.policy;
     let trajectories = rollout::play(playground, policy, Acting::Sampled, variant, seeds)?;
     let played = Played::new(playground, policy, &trajectories);
-    let alpha = imitation.update.alpha(state.updates);
-    let fit_seed = seed.of("fit").at(state.updates);
-    let (learner, report) = adapt::update(
-        &state.learner,
-        &played,
-        demonstrated,
-        (&imitation.update, alpha),
-        &mut state.adam,
-        fit_seed,
-    )?;
+    let (inner, adam) = (&imitation.update, &mut state.adam);
+    let (alpha, fit_seed) = (inner.alpha(state.updates), seed.of("fit").at(state.updates));
+    let Updated { learner, report, .. } =
+        adapt::update(&state.learner, &played, demonstrated, inner, alpha, adam, fit_seed)?;
     state.learner = learner;
     state.updates += 1;
     state.environment_steps += trajectories.iter().map(Trajectory::steps).sum::<usize>();
@@ -276,14 +296,9 @@ fn improve(
 }
 
 /// Adds a point to the curve and keeps the policy if it is the best so far.
-fn evaluate(
-    state: &mut ImitationState,
-    playground: &Playground<'_>,
-    imitation: &Imitation,
-    (seed, part, observer): (&Seed, &str, &mut dyn Observer),
-) -> Result<()> {
+fn evaluate(lesson: &Lesson<'_>, state: &mut ImitationState, observer: &mut dyn Observer) -> Result<()> {
     let policy = state.learner.policy.clone();
-    let found = point(state, &policy, playground, imitation, &seed.of("evaluate"))?;
+    let found = point(lesson, state, &policy, &lesson.seed.of("evaluate"))?;
     let best = state.points.iter().map(|point| point.score).fold(f64::NEG_INFINITY, f64::max);
     if found.score > best {
         state.best = policy;
@@ -291,7 +306,7 @@ fn evaluate(
     state.points.push(found);
     observer.on(Event::Measured {
         stage: STAGE,
-        part,
+        part: lesson.part,
         iteration: state.updates,
         numbers: &[
             ("environment_steps", found.environment_steps as f64),
@@ -304,12 +319,12 @@ fn evaluate(
 
 /// Mean heuristic and success of a policy, over all variants.
 fn point(
+    lesson: &Lesson<'_>,
     state: &mut ImitationState,
     policy: &Policy,
-    playground: &Playground<'_>,
-    imitation: &Imitation,
     seed: &Seed,
 ) -> Result<CurvePoint> {
+    let Lesson { playground, imitation, .. } = *lesson;
     let mut trajectories = Vec::new();
     for variant in playground.specification().variant_ids() {
         let seeds = seed.at(variant.0).many(imitation.evaluations);

@@ -9,7 +9,7 @@
 //! | 3, 4: θ_ij ← θ, D_i ← D_meta | [`Start`] |
 //! | 5–10: adapt | [`crate::learning::adapt::adapt`] in [`bench`] |
 //! | 11: evaluate θ_ij for M random seeds | [`bench`] |
-//! | 12: S = K(after) − K(before) (Eq. 8) | [`Suitability::score`] |
+//! | 12: S = K(after) − K(before) (Eq. 8) | [`Suitability::gain`] |
 //! | 14: i_opt (Eq. 9) | [`crate::stages::select`] |
 //!
 //! Where we differ: an adaptation is repeated with other random numbers and the outcomes are pooled, and what is evaluated
@@ -21,7 +21,7 @@ mod bench;
 mod race;
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
@@ -109,7 +109,7 @@ impl Judged {
 
 impl Suitability {
     /// S_{v|e} = K(τ after) − K(τ before), means over seeds and repeats (Eq. 8).
-    pub fn score(&self) -> Score {
+    pub fn gain(&self) -> Score {
         self.mean_after() - self.mean_before()
     }
 
@@ -144,17 +144,38 @@ impl ScoreTable {
 
     /// What was found under one variant (Eq. 9 is taken per variant).
     pub fn under(&self, variant: EnvVariant) -> Self {
-        let under = self.suitabilities.iter().filter(|of| of.variant == variant);
-        Self { suitabilities: under.cloned().collect() }
+        Self { suitabilities: self.of_variant(variant).cloned().collect() }
     }
 
-    /// The variants that were judged under, in order.
-    pub fn variants(&self) -> Vec<EnvVariant> {
-        let mut variants: Vec<EnvVariant> = self.suitabilities.iter().map(|of| of.variant).collect();
-        variants.sort_unstable();
-        variants.dedup();
-        variants
+    /// All under one variant, in the order of the set.
+    pub fn of_variant(&self, variant: EnvVariant) -> impl Iterator<Item = &Suitability> {
+        self.suitabilities.iter().filter(move |of| of.variant == variant)
     }
+
+    /// All of one demonstration, in the order of the variants.
+    pub fn of_demo(&self, demo: DemoId) -> impl Iterator<Item = &Suitability> {
+        self.suitabilities.iter().filter(move |of| of.demo == demo)
+    }
+
+    /// The demonstrations that were judged, in order, each once.
+    pub fn demos(&self) -> Vec<DemoId> {
+        sorted(self.suitabilities.iter().map(|of| of.demo))
+    }
+
+    /// The variants that were judged under, in order, each once.
+    pub fn variants(&self) -> Vec<EnvVariant> {
+        sorted(self.suitabilities.iter().map(|of| of.variant))
+    }
+
+    /// How many adaptations all demonstrations have under all variants; some have more where repeats were added.
+    pub fn repeats(&self) -> usize {
+        self.suitabilities.iter().map(|of| of.after.len()).min().unwrap_or(0)
+    }
+}
+
+/// In order, each once.
+fn sorted<T: Ord>(all: impl Iterator<Item = T>) -> Vec<T> {
+    all.collect::<BTreeSet<T>>().into_iter().collect()
 }
 
 /// θ and D before a demonstration is imitated (Algorithm 2, lines 3 and 4).
@@ -296,7 +317,7 @@ pub const STAGE: &str = "judge";
 /// let judged = judge(&trial, &mut nothing, &mut Silent)?;
 ///
 /// // One suitability for each demonstration under each of the task's variants, which here is one.
-/// let scores: Vec<f64> = judged.scores.suitabilities.iter().map(|of| of.score()).collect();
+/// let scores: Vec<f64> = judged.scores.suitabilities.iter().map(|of| of.gain()).collect();
 /// assert_eq!(scores.len(), 3);
 /// assert!(scores[1] > scores[2] && scores[2] > scores[0], "{scores:?} m nearer to the goal");
 /// // The policies that imitated them are there too, to be looked at.
@@ -305,7 +326,9 @@ pub const STAGE: &str = "judge";
 /// ```
 pub fn judge(trial: &Trial<'_>, state: &mut JudgingState, observer: &mut dyn Observer) -> Result<Judged> {
     let bench = Bench::new(trial);
-    let most = most_units(trial);
+    let Trial { set, playground, start, inner, judging, .. } = trial;
+    let (task, starts_anew) = (playground.specification(), matches!(start, Start::Untrained { .. }));
+    let most = Effort::of(set.len(), task, judging, inner, starts_anew).units;
     observer.on(Event::Started { stage: STAGE, done: state.done(), total: most });
     for round in 0..rounds(trial.judging) {
         let units = units(trial, state, round);
@@ -325,13 +348,6 @@ fn repeats(judging: &Judging, round: usize) -> std::ops::Range<usize> {
         0 => 0..judging.repeats,
         round => judging.repeats + round - 1..judging.repeats + round,
     }
-}
-
-/// How many units there are if nobody is ever sure.
-fn most_units(trial: &Trial<'_>) -> usize {
-    let most = trial.judging.repeats.max(trial.judging.most_repeats);
-    let variants = trial.playground.specification().variants.len();
-    variants * (trial.set.len() * most + trial.start.count(most))
 }
 
 /// What a round has to do, repeat by repeat: under each variant, those whose side of the cut is still open.
@@ -392,27 +408,46 @@ fn assemble(trial: &Trial<'_>, state: &JudgingState) -> Judged {
     judged
 }
 
-/// Environment steps that judging so many demonstrations takes at most, where episodes last to the horizon; exact where no
-/// repeats are added.
-pub fn steps(demonstrations: usize, task: &Specification, how: &Cost<'_>) -> u64 {
-    let Cost { judging, inner, starts_anew } = *how;
-    let repeats = judging.repeats.max(judging.most_repeats);
-    let adaptations = demonstrations * repeats;
-    let starts = if starts_anew { repeats } else { 1 };
-    let adapting = adaptations * judging.iterations * inner.episodes(task.horizon);
-    let evaluating = (starts + adaptations) * judging.evaluations;
-    ((adapting + evaluating) * task.horizon * task.variants.len()) as u64
+/// What judging a set takes at most, where episodes last to the horizon; exact where no repeats are added.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Effort {
+    /// Adaptations and evaluations of the agent before, over all variants.
+    pub units: usize,
+    /// Inner updates of all adaptations.
+    pub updates: usize,
+    /// Environment steps that adapting plays.
+    pub adapting_steps: u64,
+    /// Environment steps that evaluating plays.
+    pub evaluating_steps: u64,
 }
 
-/// What decides how much judging plays.
-#[derive(Clone, Copy, Debug)]
-pub struct Cost<'a> {
-    /// How long, how often and on what it is evaluated.
-    pub judging: &'a Judging,
-    /// How an adaptation updates.
-    pub inner: &'a InnerUpdate,
-    /// Whether each repeat starts from a policy of its own ([`Start::Untrained`]).
-    pub starts_anew: bool,
+impl Effort {
+    /// Judging so many demonstrations of a task; `starts_anew` where each repeat starts from a policy of its own
+    /// ([`Start::Untrained`]).
+    pub fn of(
+        demonstrations: usize,
+        task: &Specification,
+        judging: &Judging,
+        inner: &InnerUpdate,
+        starts_anew: bool,
+    ) -> Self {
+        let (variants, repeats) = (task.variants.len(), judging.repeats.max(judging.most_repeats));
+        let adaptations = demonstrations * repeats * variants;
+        let starts = if starts_anew { repeats } else { 1 } * variants;
+        let updates = adaptations * judging.iterations;
+        let units = adaptations + starts;
+        Self {
+            units,
+            updates,
+            adapting_steps: (updates * inner.episodes(task.horizon) * task.horizon) as u64,
+            evaluating_steps: (units * judging.evaluations * task.horizon) as u64,
+        }
+    }
+
+    /// Environment steps in all.
+    pub fn steps(&self) -> u64 {
+        self.adapting_steps + self.evaluating_steps
+    }
 }
 
 /// One of the episodes in which the agent was scored, played again as it was to the bit: before imitating or after, as
@@ -423,7 +458,8 @@ pub fn replay(
     playground: &Playground<'_>,
     policy: &Policy,
     judging: &Judging,
-    (variant, evaluation): (EnvVariant, usize),
+    variant: EnvVariant,
+    evaluation: usize,
     seed: &Seed,
 ) -> Result<(Trajectory, Seed)> {
     let seed = || {

@@ -7,7 +7,7 @@
 //! | Algorithm 1 | here |
 //! |---|---|
 //! | 1: initialize θ, Q, D_meta | [`MetaState::start`], or [`MetaState::from_prior`] where θ and D_meta know something |
-//! | 2, 5: sample a batch of demonstrations, and of environments for each | [`tasks_of_round`] |
+//! | 2, 5: sample a batch of demonstrations, and of environments for each | [`targets_of_round`] |
 //! | 3: while not done | [`meta_train`] |
 //! | 4, 6, 16, 17: for all v_i, for all e_j | the parallel loops in the steps of [`Round::play`] |
 //! | 7: sample K trajectories using f_θ | [`play_before`]: with common random numbers they are the same for every v_i, so they are played once per variant |
@@ -37,11 +37,13 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::basics::error::{Error, Result};
-use crate::basics::observer::{Event, Observer};
+use crate::basics::observer::{Event, Observer, is_due};
 use crate::basics::seed::Seed;
-use crate::data::demonstration::{DemoId, DemonstrationSet};
+use crate::data::demonstration::DemonstrationSet;
 use crate::data::weights::Weights;
-use crate::learning::adapt::{self, InnerUpdate, Learner, MetaPrior, Played, UpdateReport};
+use crate::learning::adapt::{
+    self, InnerUpdate, Learner, MetaPrior, NaturalStep, Played, Target, UpdateReport, Updated,
+};
 use crate::learning::mutual_information::{self, Sequences};
 use crate::learning::trpo::TrustRegion;
 use crate::math::nn::adam::Adam;
@@ -107,6 +109,25 @@ pub struct MetaState {
     pub weights: Weights,
 }
 
+/// What is learned with.
+#[derive(Clone, Copy, Debug)]
+pub struct Learning<'a> {
+    /// The rounds and their meta-updates.
+    pub training: &'a MetaTraining,
+    /// The inner update.
+    pub inner: &'a InnerUpdate,
+    /// Mutual information, where it regularizes.
+    pub information: Option<&'a MutualInformation>,
+}
+
+impl Learning<'_> {
+    /// The same without mutual information.
+    #[must_use]
+    pub fn plain(self) -> Self {
+        Self { information: None, ..self }
+    }
+}
+
 /// Name of the stage in events.
 pub const STAGE: &str = "meta_train";
 
@@ -116,7 +137,7 @@ pub const STAGE: &str = "meta_train";
 /// use demosift::basics::observer::Silent;
 /// use demosift::basics::seed::Seed;
 /// use demosift::run::preset::Preset;
-/// use demosift::stages::meta_train::{MetaState, meta_train};
+/// use demosift::stages::meta_train::{Learning, MetaState, meta_train};
 /// use demosift::world::point_mass::{PointMass, planted_set};
 /// use demosift::world::rollout::Playground;
 ///
@@ -128,8 +149,8 @@ pub const STAGE: &str = "meta_train";
 ///
 /// let mut train = |rounds, state| {
 ///     config.meta_train.rounds = rounds;
-///     let learning = (&config.meta_train, &config.inner, &config.mutual_information);
-///     meta_train(&set, &playground, learning, state, &Seed::new(7), &mut Silent)
+///     let learning = Learning { training: &config.meta_train, inner: &config.inner, information: None };
+///     meta_train(&set, &playground, &learning, state, &Seed::new(7), &mut Silent)
 /// };
 /// let shape = Preset::Quick.config().policy;
 /// let start = MetaState::start(&set, &shape, &[32, 32], None, &Seed::new(7).of("start"));
@@ -145,32 +166,33 @@ pub const STAGE: &str = "meta_train";
 pub fn meta_train(
     set: &DemonstrationSet,
     playground: &Playground<'_>,
-    (training, inner, information): (&MetaTraining, &InnerUpdate, &MutualInformation),
+    learning: &Learning<'_>,
     mut state: MetaState,
     seed: &Seed,
     observer: &mut dyn Observer,
 ) -> Result<MetaState> {
+    let Learning { training, inner, information } = *learning;
     let demonstrated = state.prior.demonstrated_pairs(set);
     let encodings = mutual_information::encodings(set);
     observer.on(Event::Started { stage: STAGE, done: state.rounds, total: training.rounds });
     while state.rounds < training.rounds {
         let number = state.rounds;
         let during = |error: Error| error.during(&format!("meta-training, round {number}"));
-        let tasks = tasks_of_round(set, playground, training.meta_batch, seed.of("batch").at(number));
+        let targets = targets_of_round(set, playground, training.meta_batch, seed.of("batch").at(number));
         let seed = seed.of("round").at(number);
         let weights = &state.weights;
-        let round = Round { prior: &state.prior, tasks: &tasks, weights, playground, inner, seed: &seed };
-        let regularizer = state.posterior.as_mut().map(|state| Regularizer {
-            how: information,
+        let round = Round { prior: &state.prior, targets: &targets, weights, playground, inner, seed: &seed };
+        let regularizer = information.zip(state.posterior.as_mut()).map(|(how, state)| Regularizer {
+            how,
             state,
             encodings: &encodings,
         });
         let played = round.play(&demonstrated, regularizer).map_err(during)?;
-        let updated = meta_update(&mut state, &demonstrated, &played, (training, inner)).map_err(during)?;
+        let updated = meta_update(&mut state, &demonstrated, &played, learning).map_err(during)?;
         state.rounds += 1;
         state.environment_steps += played.environment_steps as u64;
         report(&state, &played, updated, observer);
-        if state.rounds.is_multiple_of(training.checkpoint_every.max(1)) {
+        if is_due(state.rounds, training.checkpoint_every) {
             observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &state });
         }
     }
@@ -208,13 +230,14 @@ impl MetaState {
 
 /// What came of one demonstration under one variant in a round.
 struct Outcome {
-    demo: DemoId,
-    variant: EnvVariant,
+    target: Target,
     /// c_i.
     weight: f64,
     adapted: Learner,
     after: Played,
     update: UpdateReport,
+    /// That of line 8, by GAIL.
+    step: Option<NaturalStep>,
 }
 
 /// What came of a round.
@@ -227,12 +250,12 @@ struct PlayedRound {
 }
 
 /// Lines 2 and 5: which demonstrations and variants this round is about.
-fn tasks_of_round(
+fn targets_of_round(
     set: &DemonstrationSet,
     playground: &Playground<'_>,
     meta_batch: usize,
     seed: Seed,
-) -> Vec<(DemoId, EnvVariant)> {
+) -> Vec<Target> {
     use rand::seq::{IndexedRandom, SliceRandom};
     let mut rng = seed.into_rng();
     let mut ids = set.ids();
@@ -242,12 +265,13 @@ fn tasks_of_round(
         ids.sort_unstable();
     }
     let variants = playground.specification().variant_ids();
-    ids.into_iter().map(|id| (id, *variants.choose(&mut rng).expect("a task has a variant"))).collect()
+    let mut draw = || *variants.choose(&mut rng).expect("a task has a variant");
+    ids.into_iter().map(|demo| Target { demo, variant: draw() }).collect()
 }
 
-/// The variants of some tasks, each once.
-fn variants(tasks: &[(DemoId, EnvVariant)]) -> Vec<EnvVariant> {
-    let mut variants: Vec<EnvVariant> = tasks.iter().map(|(_, variant)| *variant).collect();
+/// The variants of some targets, each once.
+fn variants(targets: &[Target]) -> Vec<EnvVariant> {
+    let mut variants: Vec<EnvVariant> = targets.iter().map(|target| target.variant).collect();
     variants.sort_unstable();
     variants.dedup();
     variants
@@ -256,7 +280,7 @@ fn variants(tasks: &[(DemoId, EnvVariant)]) -> Vec<EnvVariant> {
 /// What a round is about.
 struct Round<'a> {
     prior: &'a MetaPrior,
-    tasks: &'a [(DemoId, EnvVariant)],
+    targets: &'a [Target],
     weights: &'a Weights,
     playground: &'a Playground<'a>,
     inner: &'a InnerUpdate,
@@ -268,10 +292,10 @@ type Before = (EnvVariant, Played);
 
 /// θ'_i and D'_meta,i, and after line 14 θ''_i.
 struct Imitator {
-    demo: DemoId,
-    variant: EnvVariant,
+    target: Target,
     adapted: Learner,
     update: UpdateReport,
+    step: Option<NaturalStep>,
 }
 
 impl Round<'_> {
@@ -291,7 +315,7 @@ impl Round<'_> {
 
     /// The variants that it is about, each once.
     fn variants(&self) -> Vec<EnvVariant> {
-        variants(self.tasks)
+        variants(self.targets)
     }
 
     fn horizon(&self) -> usize {
@@ -300,7 +324,7 @@ impl Round<'_> {
 
     /// Episodes as sequences of equal length.
     fn read(&self, played: &Played, readings: usize) -> Sequences {
-        Sequences::read(&played.observations, &played.lengths, (self.horizon(), readings))
+        Sequences::read(&played.observations, &played.lengths, self.horizon(), readings)
     }
 }
 
@@ -317,27 +341,28 @@ fn play_before(round: &Round<'_>) -> Result<Vec<Before>> {
 
 /// Lines 8 and 9.
 fn imitate(round: &Round<'_>, before: &[Before], demonstrated: &[Rows]) -> Result<Vec<Imitator>> {
-    let Round { prior, tasks, inner, seed, .. } = *round;
-    let imitate = |(demo, variant): &(DemoId, EnvVariant)| {
-        let before = before_under(before, *variant);
+    let Round { prior, targets, inner, seed, .. } = *round;
+    let imitate = |target: &Target| {
+        let before = before_under(before, target.variant);
         let mut adam = inner.adam(prior);
-        let seed = seed.of("after").at(variant.0).of("fit");
-        let demonstrated = &[&demonstrated[demo.0]];
-        let (adapted, update) =
-            adapt::update(prior, before, demonstrated, (inner, inner.alpha(0)), &mut adam, seed)?;
-        Ok(Imitator { demo: *demo, variant: *variant, adapted, update })
+        let seed = seed.of("after").at(target.variant.0).of("fit");
+        let demonstrated = &[&demonstrated[target.demo.0]];
+        let Updated { learner: adapted, report: update, step } =
+            adapt::update(prior, before, demonstrated, inner, inner.alpha(0), &mut adam, seed)?;
+        Ok(Imitator { target: *target, adapted, update, step })
     };
-    tasks.par_iter().map(imitate).collect()
+    targets.par_iter().map(imitate).collect()
 }
 
 /// Line 15.
 fn play_adapted(round: &Round<'_>, imitators: Vec<Imitator>) -> Result<Vec<Outcome>> {
-    let play = |Imitator { demo, variant, adapted, update }| {
-        let seed = round.seed.of("after").at(variant.0).of("play");
+    let play = |Imitator { target, adapted, update, step }| {
+        let seed = round.seed.of("after").at(target.variant.0).of("play");
         let seeds = seed.many(round.inner.episodes(round.horizon()));
-        let trajectories = rollout::play(round.playground, &adapted.policy, Acting::Sampled, variant, seeds)?;
+        let trajectories =
+            rollout::play(round.playground, &adapted.policy, Acting::Sampled, target.variant, seeds)?;
         let after = Played::new(round.playground, &adapted.policy, &trajectories);
-        Ok(Outcome { demo, variant, weight: round.weights.of(demo), adapted, after, update })
+        Ok(Outcome { target, weight: round.weights.of(target.demo), adapted, after, update, step })
     };
     imitators.into_par_iter().map(play).collect()
 }

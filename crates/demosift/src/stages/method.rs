@@ -25,9 +25,9 @@ use serde::{Deserialize, Serialize};
 use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemonstrationSet;
-use crate::learning::adapt::{InnerUpdate, Rule};
-use crate::stages::judge::{self, Cost, Judging};
-use crate::stages::meta_train::{self, MetaTraining, MutualInformation};
+use crate::learning::adapt::Rule;
+use crate::stages::judge::{Effort, Judging};
+use crate::stages::meta_train::{self, Learning};
 use crate::stages::pre_train;
 use crate::world::rollout::Playground;
 
@@ -74,19 +74,15 @@ impl std::fmt::Display for Method {
 /// What a configuration asks of meta-training and judging.
 #[derive(Clone, Copy, Debug)]
 pub struct Asked<'a> {
-    /// Meta-training.
-    pub training: &'a MetaTraining,
-    /// The inner update of both.
-    pub inner: &'a InnerUpdate,
-    /// What mutual information would play.
-    pub information: &'a MutualInformation,
+    /// Meta-training, with the mutual information that `maml-mi` uses.
+    pub learning: Learning<'a>,
     /// Judging.
     pub judging: &'a Judging,
 }
 
 /// How a method spends the quota.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Plan {
+pub struct Budget {
     /// Environment steps that it may spend.
     pub quota: u64,
     /// Rounds of meta-training, or updates of pre-training.
@@ -96,59 +92,62 @@ pub struct Plan {
 }
 
 /// How a method spends the quota; `seed` is that of meta-training.
-pub fn plan(
+pub fn budget(
     method: Method,
     set: &DemonstrationSet,
     playground: &Playground<'_>,
     asked: &Asked<'_>,
     seed: &Seed,
-) -> Plan {
-    match asked.inner.imitation {
-        Rule::Gail => plan_by_steps(method, set, playground, asked, seed),
-        Rule::BehavioralCloning => plan_by_updates(method, set, playground, asked, seed),
+) -> Budget {
+    match asked.learning.inner.imitation {
+        Rule::Gail => budget_by_steps(method, set, playground, asked, seed),
+        Rule::BehavioralCloning => budget_by_updates(method, set, playground, asked, seed),
     }
 }
 
 /// The quota in environment steps.
-fn plan_by_steps(
+fn budget_by_steps(
     method: Method,
     set: &DemonstrationSet,
     playground: &Playground<'_>,
     asked: &Asked<'_>,
     seed: &Seed,
-) -> Plan {
-    let Asked { training, inner, information, judging } = *asked;
-    let rounds =
-        |information| meta_train::steps_by_round(set, playground, (training, inner, information), seed);
-    let cost = |judging| Cost { judging, inner, starts_anew: false };
-    let judged = judge::steps(set.len(), playground.specification(), &cost(judging));
-    let learned: u64 = rounds(None).take(training.rounds).sum();
-    let plain = Plan { quota: learned + judged, updates: training.rounds, iterations: judging.iterations };
+) -> Budget {
+    let Asked { learning, judging } = *asked;
+    let Learning { training, inner, .. } = learning;
+    let plainly = learning.plain();
+    let judged_by =
+        |judging| Effort::of(set.len(), playground.specification(), judging, inner, false).steps();
+    let judged = judged_by(judging);
+    let rounds = |how| meta_train::steps_by_round(set, playground, how, seed);
+    let learned: u64 = rounds(&plainly).take(training.rounds).sum();
+    let plain = Budget { quota: learned + judged, updates: training.rounds, iterations: judging.iterations };
     match method {
         Method::Maml => plain,
-        Method::MamlMi => Plan { updates: affordable(rounds(Some(information)), learned), ..plain },
+        Method::MamlMi => Budget { updates: affordable(rounds(&learning), learned), ..plain },
         Method::AvgFineTune => {
             let update = pre_train::steps_of_update(inner, playground.specification().horizon);
-            Plan { updates: (learned / update) as usize, ..plain }
+            Budget { updates: (learned / update) as usize, ..plain }
         }
         Method::FromScratch => {
             let longer = Judging { iterations: judging.iterations + 1, ..judging.clone() };
-            let iteration = judge::steps(set.len(), playground.specification(), &cost(&longer)) - judged;
+            let iteration = judged_by(&longer) - judged;
             let iterations = judging.iterations + (learned / iteration) as usize;
-            Plan { updates: 0, iterations, ..plain }
+            Budget { updates: 0, iterations, ..plain }
         }
     }
 }
 
 /// The quota in inner updates; what a method then plays is what it may.
-fn plan_by_updates(
+fn budget_by_updates(
     method: Method,
     set: &DemonstrationSet,
     playground: &Playground<'_>,
     asked: &Asked<'_>,
     seed: &Seed,
-) -> Plan {
-    let Asked { training, inner, information, judging } = *asked;
+) -> Budget {
+    let Asked { learning, judging } = *asked;
+    let Learning { training, inner, .. } = learning;
     let task = playground.specification();
     let learned = training.rounds * training.meta_batch.min(set.len());
     let (updates, iterations) = match method {
@@ -159,17 +158,16 @@ fn plan_by_updates(
             (0, judging.iterations + learned / at_once)
         }
     };
-    let information = (method == Method::MamlMi).then_some(information);
     let learned: u64 = match method {
         Method::AvgFineTune => pre_train::steps_of_update(inner, task.horizon) * updates as u64,
         _ => {
-            let rounds = meta_train::steps_by_round(set, playground, (training, inner, information), seed);
-            rounds.take(updates).sum()
+            let learning = if method == Method::MamlMi { learning } else { learning.plain() };
+            meta_train::steps_by_round(set, playground, &learning, seed).take(updates).sum()
         }
     };
     let judging = Judging { iterations, ..judging.clone() };
-    let cost = Cost { judging: &judging, inner, starts_anew: false };
-    Plan { quota: learned + judge::steps(set.len(), task, &cost), updates, iterations }
+    let judged = Effort::of(set.len(), task, &judging, inner, false).steps();
+    Budget { quota: learned + judged, updates, iterations }
 }
 
 /// Whether the budget pays for any learning, where some is asked for.
@@ -183,20 +181,21 @@ pub fn check_budget(
     asked: &Asked<'_>,
     seed: &Seed,
 ) -> Result<()> {
-    let Asked { training, inner, information, .. } = *asked;
+    let learning = asked.learning;
+    let Learning { training, inner, .. } = learning;
+    let plainly = learning.plain();
     let learns = method.stage().is_some() && training.rounds > 0;
-    if !learns || plan(method, set, playground, asked, seed).updates > 0 {
+    if !learns || budget(method, set, playground, asked, seed).updates > 0 {
         return Ok(());
     }
-    let rounds =
-        |information| meta_train::steps_by_round(set, playground, (training, inner, information), seed);
+    let rounds = |how| meta_train::steps_by_round(set, playground, how, seed);
     let price = match method {
         Method::AvgFineTune => pre_train::steps_of_update(inner, playground.specification().horizon),
-        _ => rounds(Some(information)).next().unwrap_or(0),
+        _ => rounds(&learning).next().unwrap_or(0),
     };
-    let budget: u64 = rounds(None).take(training.rounds).sum();
+    let budget: u64 = rounds(&plainly).take(training.rounds).sum();
     // As many as the first is affordable after, and one more if that is not exactly its price.
-    let enough = 1 + affordable(rounds(None), price.saturating_sub(1));
+    let enough = 1 + affordable(rounds(&plainly), price.saturating_sub(1));
     Err(Error::bad_config(format!(
         "meta_train.rounds = {} gives learning a budget of {budget} environment steps, and the first step of {method} \
          takes {price}; meta_train.rounds must be at least {enough}",
@@ -226,7 +225,7 @@ pub struct Costs {
     /// Of this method.
     pub method: Method,
     /// Its budget.
-    pub plan: Plan,
+    pub budget: Budget,
     /// Name of the stage in which the method's agent was judged.
     pub judging: String,
     /// Each finished stage by name, in the order of the flow.

@@ -9,10 +9,10 @@
 use serde::{Deserialize, Serialize};
 
 use crate::basics::error::Result;
-use crate::basics::observer::{Event, Observer};
+use crate::basics::observer::{Event, Observer, is_due};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemonstrationSet;
-use crate::learning::adapt::{self, InnerUpdate, MetaPrior, Played};
+use crate::learning::adapt::{self, InnerUpdate, MetaPrior, Played, Updated};
 use crate::math::nn::adam::Adam;
 use crate::math::rows::Rows;
 use crate::world::environment::EnvVariant;
@@ -56,10 +56,10 @@ pub fn pre_train(
     let demonstrated: Vec<&Rows> = pairs.iter().collect();
     observer.on(Event::Started { stage: STAGE, done: state.updates, total: training.updates });
     while state.updates < training.updates {
-        improve(&mut state, &demonstrated, playground, training.inner, (seed, observer))
+        improve(&mut state, &demonstrated, playground, training.inner, seed, observer)
             .map_err(|error| error.during(&format!("pre-training, update {}", state.updates)))?;
         observer.on(Event::Advanced { stage: STAGE, done: state.updates });
-        if state.updates.is_multiple_of(training.checkpoint_every.max(1)) {
+        if is_due(state.updates, training.checkpoint_every) {
             observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &state });
         }
     }
@@ -84,7 +84,8 @@ fn improve(
     demonstrated: &[&Rows],
     playground: &Playground<'_>,
     inner: &InnerUpdate,
-    (seed, observer): (&Seed, &mut dyn Observer),
+    seed: &Seed,
+    observer: &mut dyn Observer,
 ) -> Result<()> {
     let specification = playground.specification();
     let variant = EnvVariant(state.updates % specification.variants.len());
@@ -92,10 +93,10 @@ fn improve(
     let policy = &state.prior.policy;
     let trajectories = rollout::play(playground, policy, Acting::Sampled, variant, seeds)?;
     let played = Played::new(playground, policy, &trajectories);
-    let how = (inner, inner.alpha(state.updates));
-    let fit_seed = seed.of("fit").at(state.updates);
-    let (prior, report) = adapt::update(&state.prior, &played, demonstrated, how, &mut state.adam, fit_seed)?;
-    state.prior = prior;
+    let (alpha, fit_seed) = (inner.alpha(state.updates), seed.of("fit").at(state.updates));
+    let Updated { learner, report, .. } =
+        adapt::update(&state.prior, &played, demonstrated, inner, alpha, &mut state.adam, fit_seed)?;
+    state.prior = learner;
     state.updates += 1;
     observer.on(Event::Measured {
         stage: STAGE,

@@ -26,7 +26,8 @@ pub struct Ranked {
     /// Mean K after adapting.
     pub after: Score,
     /// S (Eq. 8): how much better imitating it made the agent; the mean over variants where all are ranked together.
-    pub score: Score,
+    #[serde(rename = "score")]
+    pub gain: Score,
 }
 
 /// Which demonstrations to learn from, ordered by rank.
@@ -58,9 +59,22 @@ impl Keep {
     pub fn count_before_judging(self, demonstrations: usize) -> usize {
         match self {
             Self::Count(count) => count,
-            Self::Quarter | Self::Auto | Self::Weights => demonstrations.div_ceil(4),
+            Self::Quarter | Self::Auto | Self::Weights => quarter(demonstrations),
         }
     }
+
+    /// What is wrong with it for a set of so many, if anything: what it must be instead.
+    pub fn misfit(self, demonstrations: usize) -> Option<String> {
+        let is_wrong = matches!(self, Self::Count(count) if !(1..=demonstrations).contains(&count));
+        is_wrong.then(|| {
+            format!("must be from 1 to the {demonstrations} demonstrations there are, {}", Self::WORDS)
+        })
+    }
+}
+
+/// A quarter of so many demonstrations, rounded up.
+pub fn quarter(demonstrations: usize) -> usize {
+    demonstrations.div_ceil(4)
 }
 
 impl std::fmt::Display for Keep {
@@ -116,22 +130,19 @@ pub fn rank_under(table: &ScoreTable, variant: EnvVariant) -> Ranking {
 }
 
 fn rank_where(table: &ScoreTable, counts: impl Fn(EnvVariant) -> bool) -> Ranking {
-    let mut demos: Vec<DemoId> = table.suitabilities.iter().map(|suitability| suitability.demo).collect();
-    demos.sort_unstable();
-    demos.dedup();
-    let mut entries: Vec<Ranked> = demos.into_iter().filter_map(|demo| entry(table, demo, &counts)).collect();
-    entries.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.demo.cmp(&b.demo)));
+    let mut entries: Vec<Ranked> =
+        table.demos().into_iter().filter_map(|demo| entry(table, demo, &counts)).collect();
+    entries.sort_by(|a, b| b.gain.total_cmp(&a.gain).then(a.demo.cmp(&b.demo)));
     Ranking { entries }
 }
 
 fn entry(table: &ScoreTable, demo: DemoId, counts: &impl Fn(EnvVariant) -> bool) -> Option<Ranked> {
-    let of_demo: Vec<_> =
-        table.suitabilities.iter().filter(|s| s.demo == demo && counts(s.variant)).collect();
+    let of_demo: Vec<_> = table.of_demo(demo).filter(|s| counts(s.variant)).collect();
     (!of_demo.is_empty()).then(|| Ranked {
         demo,
         before: mean_of(of_demo.iter().map(|s| s.mean_before())),
         after: mean_of(of_demo.iter().map(|s| s.mean_after())),
-        score: mean_of(of_demo.iter().map(|s| s.score())),
+        gain: mean_of(of_demo.iter().map(|s| s.gain())),
     })
 }
 
@@ -164,7 +175,7 @@ fn entry(table: &ScoreTable, demo: DemoId, counts: &impl Fn(EnvVariant) -> bool)
 /// // Under the first variant the second demonstration is the more suitable one; over both it is not.
 /// assert_eq!(top_k(&rank_under(&table, EnvVariant(0)), 1)?.demos, [DemoId(1)]);
 /// assert_eq!(top_k(&rank(&table), 1)?.demos, [DemoId(0)]);
-/// assert_eq!(rank(&table).entries[1].score, 0.0);
+/// assert_eq!(rank(&table).entries[1].gain, 0.0);
 ///
 /// // A subset of nothing or of more than there is gets an error that says what would be right.
 /// let error = top_k(&rank(&table), 3).unwrap_err();
@@ -172,11 +183,8 @@ fn entry(table: &ScoreTable, demo: DemoId, counts: &impl Fn(EnvVariant) -> bool)
 /// # Ok::<(), demosift::Error>(())
 /// ```
 pub fn top_k(ranking: &Ranking, k: usize) -> Result<Subset> {
-    let count = ranking.entries.len();
-    if k == 0 || k > count {
-        return Err(Error::bad_config(format!(
-            "keep = {k}, and must be from 1 to the {count} demonstrations there are"
-        )));
+    if let Some(wanted) = Keep::Count(k).misfit(ranking.entries.len()) {
+        return Err(Error::bad_config(format!("keep = {k}, and {wanted}")));
     }
     Ok(Subset { demos: ranking.entries.iter().take(k).map(|entry| entry.demo).collect() })
 }
@@ -216,7 +224,7 @@ mod tests {
 
     #[test]
     fn eq_8_is_the_mean_after_less_the_mean_before() {
-        assert_eq!(table(&[(0, 0, 7.0)]).suitabilities[0].score(), 5.0);
+        assert_eq!(table(&[(0, 0, 7.0)]).suitabilities[0].gain(), 5.0);
     }
 
     #[test]

@@ -38,10 +38,10 @@ use crate::basics::observer::{Event, Observer};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::data::weights::Weights;
-use crate::learning::adapt::{InnerUpdate, MetaPrior};
+use crate::learning::adapt::MetaPrior;
 use crate::math::statistics;
 use crate::stages::judge::{self, Judging, JudgingState, ScoreTable, Start, Suitability, Trial};
-use crate::stages::meta_train::{self, MetaState, MetaTraining, MutualInformation};
+use crate::stages::meta_train::{self, Learning, MetaState, MetaTraining, MutualInformation};
 use crate::world::heuristic::Score;
 use crate::world::rollout::Playground;
 
@@ -72,12 +72,8 @@ pub struct SubsetSelection {
 pub struct Means<'a> {
     /// Algorithm 3.
     pub selection: &'a SubsetSelection,
-    /// The meta-updates of line 3.
-    pub training: &'a MetaTraining,
-    /// The inner update.
-    pub inner: &'a InnerUpdate,
-    /// Mutual information, used where the state has a posterior.
-    pub information: &'a MutualInformation,
+    /// The meta-updates of line 3; mutual information is used where the state has a posterior.
+    pub learning: Learning<'a>,
     /// Episodes of an evaluation; a round judges each demonstration once.
     pub judging: &'a Judging,
 }
@@ -136,6 +132,7 @@ pub const STAGE: &str = "subset_selection";
 /// use demosift::data::demonstration::DemoId;
 /// use demosift::learning::adapt::Learner;
 /// use demosift::run::preset::Preset;
+/// use demosift::stages::meta_train::Learning;
 /// use demosift::stages::subset_selection::{Means, WeighingState, select_subset};
 /// use demosift::world::point_mass::{PointMass, planted_set};
 /// use demosift::world::rollout::Playground;
@@ -150,9 +147,7 @@ pub const STAGE: &str = "subset_selection";
 /// let start = WeighingState::start(&set, prior, None, &Seed::new(7));
 /// let means = Means {
 ///     selection: &config.subset_selection,
-///     training: &config.meta_train,
-///     inner: &config.inner,
-///     information: &config.mutual_information,
+///     learning: Learning { training: &config.meta_train, inner: &config.inner, information: None },
 ///     judging: &config.judge,
 /// };
 /// let task = PointMass::new();
@@ -230,14 +225,14 @@ struct Round<'a> {
 
 /// Line 3: N meta-updates with the weights of the state.
 fn fine_tune(round: &Round<'_>, meta: MetaState, observer: &mut dyn Observer) -> Result<MetaState> {
-    let Means { selection, training, inner, information, .. } = *round.means;
+    let Means { selection, learning, .. } = *round.means;
     // All demonstrations in each update: of a batch drawn from them only shares would count, and it may hold none that helps.
     let (rounds, meta_batch) = (meta.rounds + selection.meta_updates, round.set.len());
-    let training = MetaTraining { rounds, meta_batch, ..training.clone() };
-    let learning = (&training, inner, information);
+    let training = MetaTraining { rounds, meta_batch, ..learning.training.clone() };
+    let learning = Learning { training: &training, ..learning };
     let seed = fine_tuning_seed(round.seed);
     let mut within = Within { observer, round: round.number };
-    meta_train::meta_train(round.set, round.playground, learning, meta, &seed, &mut within)
+    meta_train::meta_train(round.set, round.playground, &learning, meta, &seed, &mut within)
 }
 
 /// The random numbers of all meta-updates of line 3.
@@ -247,7 +242,7 @@ pub(crate) fn fine_tuning_seed(seed: &Seed) -> Seed {
 
 /// Lines 4 and 5: S of θ and after imitating each demonstration for a few iterations.
 fn assess(round: &Round<'_>, prior: &MetaPrior, observer: &mut dyn Observer) -> Result<ScoreTable> {
-    let Means { selection, inner, judging, .. } = *round.means;
+    let Means { selection, learning, judging } = *round.means;
     let few = assessing(selection, judging);
     let seed = round.seed.of("judge").at(round.number);
     let mut within = Within { observer, round: round.number };
@@ -255,7 +250,7 @@ fn assess(round: &Round<'_>, prior: &MetaPrior, observer: &mut dyn Observer) -> 
         set: round.set,
         playground: round.playground,
         start: Start::Prior(prior),
-        inner,
+        inner: learning.inner,
         judging: &few,
         cut: round.set.len(),
         part: "",
@@ -284,7 +279,7 @@ fn deltas(table: &ScoreTable, count: usize) -> Vec<f64> {
         let spread = spread(under);
         variants += 1.0;
         for suitability in under.iter().filter(|_| spread > 0.0) {
-            sums[suitability.demo.0] += suitability.score() / spread;
+            sums[suitability.demo.0] += suitability.gain() / spread;
         }
     }
     sums.iter().map(|sum| sum / variants).collect()
@@ -319,8 +314,7 @@ fn kept(weights: &Weights, how: &SubsetSelection) -> Vec<DemoId> {
 
 fn weighed(table: &ScoreTable, deltas: Vec<f64>, weights: &Weights) -> Weighed {
     let mean = |value: &dyn Fn(&Suitability) -> Score, demo: usize| {
-        let of_demo = table.suitabilities.iter().filter(|one| one.demo.0 == demo);
-        let values: Vec<Score> = of_demo.map(value).collect();
+        let values: Vec<Score> = table.of_demo(DemoId(demo)).map(value).collect();
         statistics::mean(&values)
     };
     Weighed {

@@ -141,11 +141,13 @@ impl Posterior {
     /// Σ (μ − c)² over pairs whose readings `workspace.inputs` holds, `[steps, 2 pairs, obs]`, first all before and
     /// then all after; adds its gradient times `share` to `gradient`, `[P]`.
     pub(super) fn squared_error_and_gradient<T: Real>(
-        (lstm, head): (&Lstm, &Mlp),
+        lstm: &Lstm,
+        head: &Mlp,
         parameters: &[T],
         encodings: &[T],
         workspace: &mut Workspace<T>,
-        (share, gradient): (T, &mut [T]),
+        share: T,
+        gradient: &mut [T],
     ) -> T {
         let Workspace {
             inputs,
@@ -168,8 +170,14 @@ impl Posterior {
         let squared_error = cotangents.iter().map(|error| *error * *error).sum();
         cotangents.iter_mut().for_each(|error| *error *= (T::ONE + T::ONE) * share);
         difference_cotangents.resize(differences.len(), T::ZERO);
-        let gradients = (head_gradient, &mut difference_cotangents[..]);
-        head.vjp_through(head_weights, differences, head_tape, cotangents, gradients);
+        head.vjp_through(
+            head_weights,
+            differences,
+            head_tape,
+            cotangents,
+            head_gradient,
+            difference_cotangents,
+        );
         state_cotangents.clear();
         state_cotangents.extend(difference_cotangents.iter().map(|cotangent| -*cotangent));
         state_cotangents.extend_from_slice(difference_cotangents);

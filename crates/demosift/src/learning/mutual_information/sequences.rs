@@ -18,7 +18,7 @@ impl Sequences {
     /// observations, of which the encoding is made.
     /// Not each of them: neighbors a fiftieth of a second apart say the same, and a recurrent network forgets over
     /// hundreds of steps.
-    pub fn read(observations: &Rows, lengths: &[usize], (horizon, readings): (usize, usize)) -> Self {
+    pub fn read(observations: &Rows, lengths: &[usize], horizon: usize, readings: usize) -> Self {
         let readings = readings.clamp(1, horizon);
         let mut values = Vec::with_capacity(lengths.len() * readings * observations.width());
         let mut start = 0;
@@ -72,7 +72,7 @@ mod tests {
     #[test]
     fn readings_are_spread_from_the_first_to_the_last_and_held_where_an_episode_ended() {
         let observations = Rows::from_flat((0..14).map(|value| value as f32).collect(), 1).expect("rows");
-        let read = |readings| Sequences::read(&observations, &[9, 5], (9, readings));
+        let read = |readings| Sequences::read(&observations, &[9, 5], 9, readings);
         let five = read(5);
         assert_eq!(five.len(), 2);
         assert_eq!(five.get(0), [0.0, 2.0, 4.0, 6.0, 8.0]);

@@ -20,7 +20,7 @@ fn level(level: f32, noise: f32, count: usize, seed: Seed) -> Sequences {
             [level + noise * drawn; STEPS]
         })
         .collect();
-    Sequences::read(&Rows::from_flat(values, 1).expect("rows"), &vec![STEPS; count], (STEPS, STEPS))
+    Sequences::read(&Rows::from_flat(values, 1).expect("rows"), &vec![STEPS; count], STEPS, STEPS)
 }
 
 #[test]
@@ -35,13 +35,8 @@ fn gradient_of_the_posterior_passes_finite_differences() {
     let mut gradient = vec![0.0; count];
     let share = 1.0 / pairs as f64;
     let mut error_of = |p: &[f64], gradient: &mut [f64]| {
-        Posterior::squared_error_and_gradient(
-            (&lstm, &head),
-            p,
-            &encodings,
-            &mut workspace,
-            (share, gradient),
-        ) * share
+        Posterior::squared_error_and_gradient(&lstm, &head, p, &encodings, &mut workspace, share, gradient)
+            * share
     };
     error_of(&parameters, &mut gradient);
     let mut unused = vec![0.0; count];
@@ -123,12 +118,15 @@ fn eq_5_the_reward_is_the_log_density_of_held_out_pairs() {
         let mut workspace = Workspace::default();
         time_major(&[&other, &half], 1, &mut workspace.inputs);
         let mut gradient = vec![0.0; fitted.parameters().len()];
+        let (lstm, head) = fitted.networks();
         let error = Posterior::squared_error_and_gradient(
-            fitted.networks(),
+            lstm,
+            head,
             fitted.parameters(),
             &[1.0],
             &mut workspace,
-            (1.0, &mut gradient),
+            1.0,
+            &mut gradient,
         );
         let variance = fitted.std() * fitted.std();
         let density =
@@ -149,7 +147,7 @@ fn eq_4_small_changes_are_told_apart() {
     let before = level(0.0, 1.0, 20, Seed::new(1));
     let shifted = |by: f32| {
         let values = (0..20).flat_map(|k| before.get(k).iter().map(move |value| value + by)).collect();
-        Sequences::read(&Rows::from_flat(values, 1).expect("rows"), &[STEPS; 20], (STEPS, STEPS))
+        Sequences::read(&Rows::from_flat(values, 1).expect("rows"), &[STEPS; 20], STEPS, STEPS)
     };
     let changed = [-1.0, 0.0, 1.0].map(|encoding| (encoding, shifted(1e-3 * encoding)));
     let changes: Vec<Change<'_>> = changed
@@ -232,7 +230,7 @@ fn predictions_do_not_depend_on_who_else_is_read() {
     let (before, after) = (level(0.0, 1.0, 100, Seed::new(4)), level(0.5, 1.0, 100, Seed::new(5)));
     let one_of = |sequences: &Sequences| {
         let rows = Rows::from_flat(sequences.get(77).to_vec(), 1).expect("rows");
-        Sequences::read(&rows, &[STEPS], (STEPS, STEPS))
+        Sequences::read(&rows, &[STEPS], STEPS, STEPS)
     };
     let (all, alone) =
         (posterior.predict(&before, &after), posterior.predict(&one_of(&before), &one_of(&after)));

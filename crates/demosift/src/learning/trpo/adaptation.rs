@@ -24,7 +24,7 @@ use crate::math::solve::conjugate_gradient;
 /// dθ'/dθ of one natural-gradient step.
 #[derive(Debug)]
 pub struct Adaptation<'a, T> {
-    parts: Vec<Part<'a, T>>,
+    chunks: Vec<Chunk<'a, T>>,
     size: f64,
     damping: f64,
     iterations: usize,
@@ -32,7 +32,7 @@ pub struct Adaptation<'a, T> {
 
 /// Some of the experience on which the step was taken.
 #[derive(Debug)]
-struct Part<'a, T> {
+struct Chunk<'a, T> {
     network: &'a Mlp,
     /// The network's parameters, then the logarithms of the standard deviations, `[P + act]`.
     parameters: &'a [T],
@@ -47,10 +47,10 @@ struct Part<'a, T> {
 impl<'a> Adaptation<'a, f32> {
     /// The step of size η that was taken on `experiences` within `region`, as [`super::step`] says of both.
     pub fn new(experiences: &[Experience<'a>], region: &TrustRegion, size: f64) -> Self {
-        let part = |experience: &Experience<'a>| {
+        let chunk = |experience: &Experience<'a>| {
             let Experience { policy, observations, actions, advantages, weight } = *experience;
             let scale = (weight / advantages.len() as f64) as f32;
-            Part {
+            Chunk {
                 network: policy.network(),
                 parameters: policy.parameters(),
                 observations,
@@ -60,7 +60,7 @@ impl<'a> Adaptation<'a, f32> {
             }
         };
         Self {
-            parts: experiences.iter().map(part).collect(),
+            chunks: experiences.iter().map(chunk).collect(),
             size,
             damping: region.damping,
             iterations: region.conjugate_gradient_iterations,
@@ -90,12 +90,12 @@ impl<T: Real> Adaptation<'_, T> {
     /// (F + λI)⁻¹ v
     fn natural(&self, vector: &[T]) -> Vec<T> {
         let damping = T::from_f64(self.damping);
-        let mut tapes: Vec<Tape<T>> = self.parts.iter().map(Part::forward).collect();
+        let mut tapes: Vec<Tape<T>> = self.chunks.iter().map(Chunk::forward).collect();
         let fisher = |direction: &[T], product: &mut [T]| {
             product.iter_mut().zip(direction).for_each(|(product, v)| *product = damping * *v);
-            for (part, tape) in self.parts.iter().zip(&mut tapes) {
-                let Part { network, parameters, observations, weight, .. } = part;
-                let found = fisher_vector_product(network, parameters, (observations, tape), direction);
+            for (chunk, tape) in self.chunks.iter().zip(&mut tapes) {
+                let Chunk { network, parameters, observations, weight, .. } = chunk;
+                let found = fisher_vector_product(network, parameters, observations, tape, direction);
                 let weight = T::from_f64(*weight);
                 product.iter_mut().zip(&found).for_each(|(product, value)| *product += weight * *value);
             }
@@ -106,12 +106,12 @@ impl<T: Real> Adaptation<'_, T> {
     /// H v
     fn hessian_product(&self, direction: &[T]) -> Vec<T> {
         let mut product = vec![T::ZERO; direction.len()];
-        self.parts.iter().for_each(|part| part.add_hessian_product(direction, &mut product));
+        self.chunks.iter().for_each(|chunk| chunk.add_hessian_product(direction, &mut product));
         product
     }
 }
 
-impl<T: Real> Part<'_, T> {
+impl<T: Real> Chunk<'_, T> {
     fn forward(&self) -> Tape<T> {
         let mut tape = Tape::default();
         let count = self.network.parameter_count();

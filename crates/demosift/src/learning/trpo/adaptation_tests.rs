@@ -73,9 +73,9 @@ impl Scene {
         gradient
     }
 
-    /// The scene in two parts of unlike weight, as a long batch comes.
+    /// The scene in two chunks of unlike weight, as a long batch comes.
     fn adaptation(&self, size: f64) -> Adaptation<'_, f64> {
-        let part = |rows: std::ops::Range<usize>| Part {
+        let chunk = |rows: std::ops::Range<usize>| Chunk {
             network: &self.network,
             parameters: &self.parameters,
             observations: &self.observations[rows.start * OBSERVATIONS..rows.end * OBSERVATIONS],
@@ -83,7 +83,7 @@ impl Scene {
             row_weights: self.row_weights[rows.clone()].to_vec(),
             weight: rows.len() as f64 / ROWS as f64,
         };
-        Adaptation { parts: vec![part(0..15), part(15..ROWS)], size, damping: DAMPING, iterations: 400 }
+        Adaptation { chunks: vec![chunk(0..15), chunk(15..ROWS)], size, damping: DAMPING, iterations: 400 }
     }
 
     /// θ' = θ + η (F + λI)⁻¹ g(θ), with F that of the scene's own parameters.

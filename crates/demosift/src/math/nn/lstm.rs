@@ -139,8 +139,9 @@ impl Lstm {
                 product(before, hidden_weight, gates, Target::Add);
             }
             let (cells_before, cells) = tape.cells.split_at_mut((step + 1) * size);
-            let states = (&cells_before[step * size..], &mut cells[..size], &mut after[..size]);
-            step_forward(gates, &parameters[bias.clone()], states, self.hidden);
+            let (cells_before, cells) = (&cells_before[step * size..], &mut cells[..size]);
+            let hidden = &mut after[..size];
+            step_forward(gates, &parameters[bias.clone()], cells_before, cells, hidden, self.hidden);
         }
         &tape.hidden[steps * size..]
     }
@@ -170,9 +171,9 @@ impl Lstm {
         let columns = self.columns();
         for step in (0..steps).rev() {
             let gates = &mut tape.gates[step * batch * columns..(step + 1) * batch * columns];
-            let cells = tape.cells[step * size..].split_at(size);
-            let cotangents = (&tape.hidden_cotangents[..], &mut tape.cell_cotangents[..]);
-            step_backward(gates, (cells.0, &cells.1[..size]), cotangents, self.hidden);
+            let (before, cells) = tape.cells[step * size..].split_at(size);
+            let (of_hidden, of_cells) = (&tape.hidden_cotangents, &mut tape.cell_cotangents);
+            step_backward(gates, before, &cells[..size], of_hidden, of_cells, self.hidden);
             if step > 0 {
                 let gates = Matrix::new(gates, batch, columns);
                 product(gates, transposed, &mut tape.hidden_cotangents, Target::Overwrite);
@@ -222,7 +223,9 @@ fn sigmoid<T: Real>(x: T, half: T) -> T {
 fn step_forward<T: Real>(
     gates: &mut [T],
     bias: &[T],
-    (cells_before, cells, hidden): (&[T], &mut [T], &mut [T]),
+    cells_before: &[T],
+    cells: &mut [T],
+    hidden: &mut [T],
     width: usize,
 ) {
     let half = T::from_f64(0.5);
@@ -255,8 +258,10 @@ fn step_forward<T: Real>(
 /// δo = δh tanh(c) o(1−o),  δc += δh o (1 − tanh²c),  δi = δc g i(1−i),  δf = δc c₋₁ f(1−f),  δg = δc i (1−g²),  δc₋₁ = δc f.
 fn step_backward<T: Real>(
     gates: &mut [T],
-    (cells_before, cells): (&[T], &[T]),
-    (hidden_cotangents, cell_cotangents): (&[T], &mut [T]),
+    cells_before: &[T],
+    cells: &[T],
+    hidden_cotangents: &[T],
+    cell_cotangents: &mut [T],
     width: usize,
 ) {
     vectorized(

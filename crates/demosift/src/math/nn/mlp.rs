@@ -207,7 +207,7 @@ impl Mlp {
         output_cotangents: &[T],
         gradient: &mut [T],
     ) {
-        self.backward((parameters, inputs), tape, output_cotangents, gradient, |_, _| ());
+        self.backward(parameters, inputs, tape, output_cotangents, gradient, |_, _| ());
     }
 
     /// As [`Mlp::vjp`]; also fills the gradient with respect to the inputs, `[batch, in]`, for what stands below this network.
@@ -217,12 +217,13 @@ impl Mlp {
         inputs: &[T],
         tape: &mut Tape<T>,
         output_cotangents: &[T],
-        (gradient, input_cotangents): (&mut [T], &mut [T]),
+        gradient: &mut [T],
+        input_cotangents: &mut [T],
     ) {
         assert_eq!(input_cotangents.len(), inputs.len(), "cotangents of the inputs");
         let first = self.layer(0);
         let weight = Matrix::new(&parameters[first.weight], first.inputs, first.outputs).transposed();
-        self.backward((parameters, inputs), tape, output_cotangents, gradient, |rows, delta| {
+        self.backward(parameters, inputs, tape, output_cotangents, gradient, |rows, delta| {
             let cotangents = &mut input_cotangents[rows.start * first.inputs..rows.end * first.inputs];
             product(Matrix::new(delta, rows.len(), first.outputs), weight, cotangents, Target::Overwrite);
         });
@@ -231,7 +232,8 @@ impl Mlp {
     /// The backward pass; `at_the_inputs` hears of each block's rows and of the cotangents of its first layer's sums.
     fn backward<T: Real>(
         &self,
-        (parameters, inputs): (&[T], &[T]),
+        parameters: &[T],
+        inputs: &[T],
         tape: &mut Tape<T>,
         output_cotangents: &[T],
         gradient: &mut [T],

@@ -102,7 +102,7 @@ fn the_gradient_with_respect_to_the_inputs_passes_finite_differences() {
         let (mut plain, mut through) = (gradient.clone(), vec![f64::NAN; inputs.len()]);
         mlp.forward(&parameters, &inputs, &mut tape);
         mlp.vjp(&parameters, &inputs, &mut tape, &cotangents, &mut plain);
-        mlp.vjp_through(&parameters, &inputs, &mut tape, &cotangents, (&mut gradient, &mut through));
+        mlp.vjp_through(&parameters, &inputs, &mut tape, &cotangents, &mut gradient, &mut through);
         assert_eq!(gradient, plain);
         let weighted = |x: &[f64]| dot(&cotangents, mlp.forward(&parameters, x, &mut tape));
         let error = gradient_error(weighted, &inputs, &through);

@@ -28,12 +28,17 @@ const ACTION: &str = "action";
 const CONTROL: &str = "control";
 
 /// Keeps the policy of a part beside its safetensors, unless it is there.
-pub fn keep_policy(ledger: &mut dyn Ledger, part: &str, policy: &Policy, task: &Specification) -> Result<()> {
+pub fn store_policy(
+    ledger: &mut dyn Ledger,
+    part: &str,
+    policy: &Policy,
+    task: &Specification,
+) -> Result<()> {
     let (name, bytes) = (format!("policy_{part}.onnx"), write_policy(policy, task));
     if ledger.recall(&name)?.is_some_and(|held| held == bytes) {
         return Ok(());
     }
-    ledger.keep(&name, &bytes)
+    ledger.store(&name, &bytes)
 }
 
 /// A policy for a task as ONNX: input `observation` `[batch, obs]` as the environment gives it; outputs `action`

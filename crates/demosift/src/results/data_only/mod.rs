@@ -17,7 +17,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::basics::error::Result;
 use crate::data::demonstration::DemonstrationSet;
+use crate::math::agreement;
 use crate::math::rows::Rows;
+use crate::stages::select::Ranking;
 
 pub use action_range::action_range;
 pub use cloning_loss::cloning_loss;
@@ -41,6 +43,15 @@ pub struct Column {
     pub meaning: String,
     /// One a demonstration, in the order of the set; higher is better by the scorer's lights.
     pub scores: Vec<f64>,
+}
+
+impl Column {
+    /// Spearman's rank correlation with the gains of a ranking; `None` where one of both finds all alike.
+    pub fn agreement(&self, ranking: &Ranking) -> Option<f64> {
+        let both = ranking.entries.iter().map(|entry| (entry.gain, self.scores[entry.demo.0]));
+        let (gains, scores): (Vec<f64>, Vec<f64>) = both.unzip();
+        Some(agreement::spearman(&gains, &scores)).filter(|agreement| agreement.is_finite())
+    }
 }
 
 /// A scorer: `None` where it has nothing to say about a set.

@@ -14,7 +14,7 @@ use crate::world::rollout::{self, Playground};
 
 /// Whose episode it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub enum Moment {
     /// The agent before it imitated anything.
     Before,
     /// The agent after it imitated this demonstration.
@@ -25,7 +25,7 @@ pub enum Part {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shown {
     /// Whose.
-    pub part: Part,
+    pub moment: Moment,
     /// e_j.
     pub variant: EnvVariant,
     /// Control steps that it lasted.
@@ -60,9 +60,9 @@ pub fn agent_episodes(
         for (of, adapted) in scores.suitabilities.iter().zip(adapted).filter(|(of, _)| of.variant == variant)
         {
             if shown.last().is_none_or(|last: &Shown| last.variant != variant) {
-                shown.extend(look.at(Part::Before, start, of.before[0][evaluation])?);
+                shown.extend(look.at(Moment::Before, start, of.before[0][evaluation])?);
             }
-            shown.extend(look.at(Part::After(of.demo), &adapted.policy, of.after[0][evaluation])?);
+            shown.extend(look.at(Moment::After(of.demo), &adapted.policy, of.after[0][evaluation])?);
         }
     }
     Ok(shown)
@@ -71,7 +71,7 @@ pub fn agent_episodes(
 /// Which of the M evaluation seeds shows the mean scores best under a variant: the one where the first repeats' scores are,
 /// in all, the least away from their means; the first of those alike.
 pub fn typical_evaluation(scores: &ScoreTable, variant: EnvVariant) -> usize {
-    let under: Vec<_> = scores.suitabilities.iter().filter(|of| of.variant == variant).collect();
+    let under: Vec<_> = scores.of_variant(variant).collect();
     let evaluations = under.first().and_then(|of| of.before.first()).map_or(0, Vec::len);
     let away = |evaluation: usize| -> f64 {
         let before = under.first().map_or(0.0, |of| (of.before[0][evaluation] - of.mean_before()).abs());
@@ -90,9 +90,9 @@ struct Look<'a> {
 }
 
 impl Look<'_> {
-    fn at(&self, part: Part, policy: &Policy, scored: Score) -> Result<Option<Shown>> {
+    fn at(&self, moment: Moment, policy: &Policy, scored: Score) -> Result<Option<Shown>> {
         let Self { playground, judging, variant, evaluation, seed } = *self;
-        let (played, seed) = judge::replay(playground, policy, judging, (variant, evaluation), seed)?;
+        let (played, seed) = judge::replay(playground, policy, judging, variant, evaluation, seed)?;
         let score = playground.score(&played);
         if score != scored {
             return Err(Error::bad_input(format!(
@@ -102,6 +102,6 @@ impl Look<'_> {
         }
         let Some(states) = rollout::state_log(playground, &played, variant, &seed)? else { return Ok(None) };
         let succeeded = playground.task().succeeded(played.measurements());
-        Ok(Some(Shown { part, variant, steps: played.steps(), score, succeeded, states }))
+        Ok(Some(Shown { moment, variant, steps: played.steps(), score, succeeded, states }))
     }
 }

@@ -11,7 +11,7 @@ use crate::learning::trpo::{StepEnd, TrustRegion};
 use crate::results::data_only::Column;
 use crate::results::panel::{Found, panel};
 use crate::stages::judge::{self, AdaptedPolicy, Judging, JudgingState, Start, Trial};
-use crate::stages::method::{Method, Plan, Spent};
+use crate::stages::method::{Budget, Method, Spent};
 use crate::world::point_mass::{PointMass, planted_set};
 use crate::world::policy::{Policy, PolicyShape};
 use crate::world::rollout::{Acting, Playground};
@@ -67,9 +67,9 @@ fn judged() -> Judged {
 
 fn found(kept: Option<&[usize]>) -> Result<Report> {
     let (mut ledger, set) = (InMemory::default(), planted_set(&[180.0, 0.0, 90.0], Seed::new(1))?);
-    judged().keep(&mut ledger, "cloning")?;
+    judged().store(&mut ledger, "cloning")?;
     if let Some(kept) = kept {
-        Subset { demos: kept.iter().copied().map(DemoId).collect() }.keep(&mut ledger, "")?;
+        Subset { demos: kept.iter().copied().map(DemoId).collect() }.store(&mut ledger, "")?;
     }
     let column = |name: &str, scores: [f64; 3]| Column {
         name: name.to_owned(),
@@ -82,10 +82,11 @@ fn found(kept: Option<&[usize]>) -> Result<Report> {
         task: &PointMass::new(),
         keep: Keep::Quarter,
         panel: &panel(&[Found { judge: Judge::Cloning, scores: &table() }], 1, &Seed::new(2))?,
-        opinions: &DataOnly { columns: vec![column("right", [1.0, 9.0, 3.0]), column("alike", [2.0; 3])] },
+        own_heuristic: None,
+        data_only: &DataOnly { columns: vec![column("right", [1.0, 9.0, 3.0]), column("alike", [2.0; 3])] },
         costs: &Costs {
             method: Method::Maml,
-            plan: Plan { quota: 100, updates: 1, iterations: 2 },
+            budget: Budget { quota: 100, updates: 1, iterations: 2 },
             judging: "judge_paper".to_owned(),
             spent: vec![
                 ("meta_train".to_owned(), Spent { environment_steps: 60 }),
@@ -137,9 +138,9 @@ fn a_band_is_the_mean_and_the_range_of_the_repeats() {
 }
 
 #[test]
-fn opinions_have_places_and_an_agreement_where_they_tell_anything_apart() {
+fn columns_have_places_and_an_agreement_where_they_tell_anything_apart() {
     let report = found(None).expect("judged");
-    let [right, alike] = &report.opinions[..] else { panic!("two opinions") };
+    let [right, alike] = &report.data_only[..] else { panic!("two columns") };
     assert_eq!((&right.scores, &right.places), (&vec![9.0, 3.0, 1.0], &vec![1.0, 2.0, 3.0]));
     assert!((right.spearman.expect("they differ") - 1.0).abs() < 1e-12);
     assert_eq!((&alike.places, alike.spearman), (&vec![2.0; 3], None));
@@ -189,9 +190,7 @@ fn an_evaluation_is_played_again_to_the_bit_and_a_changed_one_is_refused() {
     for (of, adapted) in judged.scores.suitabilities.iter().zip(&judged.adapted) {
         for evaluation in 0..3 {
             let again = |policy| {
-                judge::replay(&playground, policy, &judging, (of.variant, evaluation), &seed)
-                    .expect("played")
-                    .0
+                judge::replay(&playground, policy, &judging, of.variant, evaluation, &seed).expect("played").0
             };
             assert_eq!(playground.score(&again(&prior.policy)), of.before[0][evaluation]);
             assert_eq!(playground.score(&again(&adapted.policy)), of.after[0][evaluation]);

@@ -1,5 +1,6 @@
 use super::*;
 use crate::stages::select;
+use crate::world::environment::EnvVariant;
 use rand_distr::StandardNormal;
 
 /// A table of one variant: `after[demonstration][repeat][evaluation]`, nothing scored before.
@@ -22,7 +23,19 @@ struct Noise {
     episode_of_one: f64,
 }
 
-fn synthetic(truth: &[f64], (repeats, evaluations): (usize, usize), noise: &Noise, seed: Seed) -> ScoreTable {
+/// How often each demonstration is adapted to, and on how many episodes each time.
+#[derive(Clone, Copy, Debug)]
+struct Sizes {
+    repeats: usize,
+    evaluations: usize,
+}
+
+fn sized(repeats: usize, evaluations: usize) -> Sizes {
+    Sizes { repeats, evaluations }
+}
+
+fn synthetic(truth: &[f64], sizes: Sizes, noise: &Noise, seed: Seed) -> ScoreTable {
+    let Sizes { repeats, evaluations } = sizes;
     let mut rng = seed.into_rng();
     let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
     let of_all: Vec<f64> = (0..evaluations).map(|_| noise.episode_of_all * normal()).collect();
@@ -39,7 +52,7 @@ fn synthetic(truth: &[f64], (repeats, evaluations): (usize, usize), noise: &Nois
 }
 
 /// Share of the intervals of 300 judgments that hold the truth.
-fn coverage(sizes: (usize, usize), noise: &Noise) -> f64 {
+fn coverage(sizes: Sizes, noise: &Noise) -> f64 {
     let truth = [0.0, 0.1, 0.2, 0.5, 0.9, 1.0];
     let resampling = Resampling { draws: 400, ..Resampling::default() };
     let mut held = 0;
@@ -55,29 +68,29 @@ fn coverage(sizes: (usize, usize), noise: &Noise) -> f64 {
 #[test]
 fn intervals_hold_the_truth_as_often_as_they_say() {
     // The presets' sizes, with adaptations the larger noise.
-    for sizes in [(2, 20), (2, 5), (4, 50)] {
+    for sizes in [sized(2, 20), sized(2, 5), sized(4, 50)] {
         let noise = Noise { repeat: 0.3, episode_of_all: 0.0, episode_of_one: 0.3 };
         let held = coverage(sizes, &noise);
         assert!((0.87..0.96).contains(&held), "{sizes:?}: {held}");
     }
     // Luck in a reset that falls on all alike, which paired differences are free of, still counts in each score.
-    let held = coverage((3, 20), &Noise { repeat: 0.01, episode_of_all: 0.5, episode_of_one: 0.1 });
+    let held = coverage(sized(3, 20), &Noise { repeat: 0.01, episode_of_all: 0.5, episode_of_one: 0.1 });
     assert!((0.85..0.96).contains(&held), "{held}");
 }
 
 #[test]
 fn one_repeat_is_said_to_be_too_narrow_and_is() {
     let noise = Noise { repeat: 0.3, episode_of_all: 0.0, episode_of_one: 0.3 };
-    assert!(coverage((1, 20), &noise) < 0.5);
+    assert!(coverage(sized(1, 20), &noise) < 0.5);
     let judge = |sizes| {
         let table = synthetic(&[0.0, 1.0], sizes, &noise, Seed::new(1));
         uncertainty(&table, &Resampling::default(), &Seed::new(1)).unwrap()
     };
-    let once = judge((1, 20));
+    let once = judge(sized(1, 20));
     assert!(once.too_narrow && once.caveat().unwrap().contains("judge.repeats of 2 or more"));
-    assert!(judge((2, 1)).caveat().unwrap().contains("judge.evaluations of 2 or more"));
-    assert!(judge((1, 1)).caveat().unwrap().contains("judge.repeats and judge.evaluations"));
-    let twice = judge((2, 20));
+    assert!(judge(sized(2, 1)).caveat().unwrap().contains("judge.evaluations of 2 or more"));
+    assert!(judge(sized(1, 1)).caveat().unwrap().contains("judge.repeats and judge.evaluations"));
+    let twice = judge(sized(2, 20));
     assert!(!twice.too_narrow && twice.caveat().is_none());
 }
 
@@ -123,7 +136,7 @@ fn the_probability_to_be_best_is_that_of_the_closed_form() {
 #[test]
 fn the_order_of_demonstrations_does_not_count_and_the_seed_does() {
     let noise = Noise { repeat: 0.3, episode_of_all: 0.2, episode_of_one: 0.3 };
-    let table = synthetic(&[0.3, 0.1, 0.2, 0.25], (2, 6), &noise, Seed::new(3));
+    let table = synthetic(&[0.3, 0.1, 0.2, 0.25], sized(2, 6), &noise, Seed::new(3));
     let found = uncertainty(&table, &Resampling::default(), &Seed::new(7)).unwrap();
     assert_eq!(uncertainty(&table, &Resampling::default(), &Seed::new(7)).unwrap(), found);
     assert_ne!(uncertainty(&table, &Resampling::default(), &Seed::new(8)).unwrap(), found);
@@ -154,15 +167,15 @@ fn the_same_demonstration_twice_shares_its_places() {
 #[test]
 fn the_order_is_that_of_the_ranking_and_the_sums_are_right() {
     let noise = Noise { repeat: 0.3, episode_of_all: 0.0, episode_of_one: 0.3 };
-    let mut table = synthetic(&[0.3, 0.1, 0.2, 0.3], (2, 6), &noise, Seed::new(3));
-    let mut other = synthetic(&[0.1, 0.5, 0.2, 0.0], (2, 6), &noise, Seed::new(4));
+    let mut table = synthetic(&[0.3, 0.1, 0.2, 0.3], sized(2, 6), &noise, Seed::new(3));
+    let mut other = synthetic(&[0.1, 0.5, 0.2, 0.0], sized(2, 6), &noise, Seed::new(4));
     other.suitabilities.iter_mut().for_each(|suitability| suitability.variant = EnvVariant(1));
     table.suitabilities.append(&mut other.suitabilities);
     let found = uncertainty(&table, &Resampling::default(), &Seed::new(7)).unwrap();
     let ranking = select::rank(&table);
     for (doubt, ranked) in found.demonstrations.iter().zip(&ranking.entries) {
-        assert_eq!((doubt.demo, doubt.score), (ranked.demo, ranked.score));
-        assert!(doubt.low < doubt.score && doubt.score < doubt.high);
+        assert_eq!((doubt.demo, doubt.gain), (ranked.demo, ranked.gain));
+        assert!(doubt.low < doubt.gain && doubt.gain < doubt.high);
         assert!(doubt.top.is_sorted());
     }
     for k in 1..=4 {
@@ -180,7 +193,7 @@ fn a_group_holds_what_cannot_be_told_from_its_leader() {
     let mut sizes = vec![0; 5];
     let mut wrong = 0;
     for index in 0..100 {
-        let table = synthetic(&truth, (2, 20), &noise, Seed::new(index));
+        let table = synthetic(&truth, sized(2, 20), &noise, Seed::new(index));
         let found =
             uncertainty(&table, &Resampling { draws: 400, ..Resampling::default() }, &Seed::new(index))
                 .unwrap();
@@ -199,7 +212,7 @@ fn a_group_holds_what_cannot_be_told_from_its_leader() {
 
 fn kept(truth: &[f64], noise: f64) -> Vec<usize> {
     let noise = Noise { repeat: noise, episode_of_all: 0.0, episode_of_one: noise };
-    let table = synthetic(truth, (2, 20), &noise, Seed::new(2));
+    let table = synthetic(truth, sized(2, 20), &noise, Seed::new(2));
     let found = uncertainty(&table, &Resampling::default(), &Seed::new(2)).unwrap();
     let mut kept: Vec<usize> = found.worth_keeping().iter().map(|demo| demo.0).collect();
     kept.sort_unstable();

@@ -54,14 +54,12 @@ pub fn check(set: &DemonstrationSet, task: &Specification, config: &Config) -> R
             set.len()
         )));
     }
+    if let Some(wanted) = config.keep.misfit(set.len()) {
+        return Err(Error::bad_config(format!("keep = {}, and {wanted}", config.keep)));
+    }
     match config.keep {
         Keep::Weights => check_has_weights(config.method),
-        Keep::Count(count) if !(1..=set.len()).contains(&count) => Err(Error::bad_config(format!(
-            "keep = {count}, and must be from 1 to the {} demonstrations there are, {}",
-            set.len(),
-            Keep::WORDS
-        ))),
-        _ => Ok(()),
+        Keep::Quarter | Keep::Auto | Keep::Count(_) => Ok(()),
     }
 }
 

@@ -1,6 +1,6 @@
 //! DemonstrationSet → MetaPrior → ScoreTable → Panel: each judge that is asked, and what they say together.
 
-use super::{Config, Keeping, Run, cut, stage_name};
+use super::{Checkpointing, Config, Run, arrows, cut, make, stage_name};
 use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::basics::seed::Seed;
@@ -9,17 +9,17 @@ use crate::learning::adapt::{InnerUpdate, Learner, MetaPrior, Rule};
 use crate::results::artifact::Artifact;
 use crate::results::panel::{self, Found, Judge, Judges, Opinion, Panel};
 use crate::stages::judge::{self, Judged, Judging, JudgingState, ScoreTable, Start, Trial};
-use crate::stages::meta_train::{self, MetaState, MetaTraining, MutualInformation};
-use crate::stages::method::{self, Asked, Method, Plan};
+use crate::stages::meta_train::{self, Learning, MetaState, MetaTraining, MutualInformation};
+use crate::stages::method::{self, Asked, Budget, Method};
 use crate::stages::pre_train::{self, PreTrainState, PreTraining};
 use crate::world::environment::EnvVariant;
 use crate::world::policy::Policy;
 use crate::world::rollout::Playground;
 
 /// How the run's method spends its budget.
-pub fn plan(run: &Run<'_>) -> Plan {
+pub fn budget(run: &Run<'_>) -> Budget {
     let Run { set, playground, config, .. } = run;
-    method::plan(config.method, set, playground, &asked(config), &learning_seed(config))
+    method::budget(config.method, set, playground, &asked(config), &learning_seed(config))
 }
 
 /// Whether the budget of the run's method pays for any learning; the error says what would.
@@ -28,8 +28,9 @@ pub fn check_budget(set: &DemonstrationSet, playground: &Playground<'_>, config:
 }
 
 fn asked(config: &Config) -> Asked<'_> {
-    let Config { meta_train, inner, mutual_information, judge, .. } = config;
-    Asked { training: meta_train, inner, information: mutual_information, judging: judge }
+    let Config { meta_train: training, inner, mutual_information, judge: judging, .. } = config;
+    let learning = Learning { training, inner, information: Some(mutual_information) };
+    Asked { learning, judging }
 }
 
 pub(crate) fn learning_seed(config: &Config) -> Seed {
@@ -39,6 +40,11 @@ pub(crate) fn learning_seed(config: &Config) -> Seed {
 /// Mutual information, where the method has any.
 pub(crate) fn information(config: &Config) -> Option<&MutualInformation> {
     (config.method == Method::MamlMi).then_some(&config.mutual_information)
+}
+
+/// What the run's method learns with.
+pub(crate) fn learning(config: &Config) -> Learning<'_> {
+    Learning { training: &config.meta_train, inner: &config.inner, information: information(config) }
 }
 
 /// DemonstrationSet → MetaPrior, by the run's method.
@@ -55,7 +61,7 @@ pub fn prior(run: &mut Run<'_>) -> Result<MetaPrior> {
         Method::Maml | Method::MamlMi => meta_trained(run, untrained, &seed),
         Method::AvgFineTune => pre_trained(run, untrained, &seed),
         Method::FromScratch => {
-            untrained.keep(run.ledger, "")?;
+            untrained.store(run.ledger, "")?;
             Ok(untrained)
         }
     }
@@ -63,27 +69,28 @@ pub fn prior(run: &mut Run<'_>) -> Result<MetaPrior> {
 
 /// Algorithm 1.
 fn meta_trained(run: &mut Run<'_>, untrained: Learner, seed: &Seed) -> Result<MetaPrior> {
-    let training = MetaTraining { rounds: plan(run).updates, ..run.config.meta_train.clone() };
+    let training = MetaTraining { rounds: budget(run).updates, ..run.config.meta_train.clone() };
     let Run { set, playground, config, ledger, observer } = run;
     let start = || Ok(MetaState::from_prior(set, untrained, information(config), &seed.of("start")));
-    let (state, mut keeping) =
-        Keeping::begin((*ledger, *observer), playground, meta_train::STAGE, "", start)?;
-    let learning = (&training, &config.inner, &config.mutual_information);
-    let prior = meta_train::meta_train(set, playground, learning, state, seed, &mut keeping)?.prior;
-    keeping.finish("", &prior)?;
+    let (state, mut checkpointing) =
+        Checkpointing::begin(*ledger, *observer, playground, meta_train::STAGE, "", start)?;
+    let learning = Learning { training: &training, ..learning(config) };
+    let prior = meta_train::meta_train(set, playground, &learning, state, seed, &mut checkpointing)?.prior;
+    checkpointing.finish("", &prior)?;
     Ok(prior)
 }
 
 /// Imitation of the entire set (§5, Avg Fine-Tune).
 fn pre_trained(run: &mut Run<'_>, untrained: Learner, seed: &Seed) -> Result<MetaPrior> {
-    let updates = plan(run).updates;
+    let updates = budget(run).updates;
     let Run { set, playground, config, ledger, observer } = run;
     let start = || Ok(PreTrainState::start(untrained, &config.inner));
-    let (state, mut keeping) = Keeping::begin((*ledger, *observer), playground, pre_train::STAGE, "", start)?;
+    let (state, mut checkpointing) =
+        Checkpointing::begin(*ledger, *observer, playground, pre_train::STAGE, "", start)?;
     let checkpoint_every = config.meta_train.checkpoint_every;
     let training = PreTraining { updates, inner: &config.inner, checkpoint_every };
-    let prior = pre_train::pre_train(set, playground, training, state, seed, &mut keeping)?;
-    keeping.finish("", &prior)?;
+    let prior = pre_train::pre_train(set, playground, training, state, seed, &mut checkpointing)?;
+    checkpointing.finish("", &prior)?;
     Ok(prior)
 }
 
@@ -118,7 +125,7 @@ pub fn scores(run: &mut Run<'_>, judge: Judge) -> Result<ScoreTable> {
 pub fn judging(run: &Run<'_>, judge: Judge) -> Judging {
     match judge {
         Judge::Cloning => run.config.cloning_judge.judging.clone(),
-        Judge::Paper => Judging { iterations: plan(run).iterations, ..run.config.judge.clone() },
+        Judge::Paper => Judging { iterations: budget(run).iterations, ..run.config.judge.clone() },
     }
 }
 
@@ -150,11 +157,11 @@ fn judged(run: &mut Run<'_>, judge: Judge, start: Start<'_>, inner: &InnerUpdate
     let (cut, part, seed) = (cut(run), judge.name(), judging_seed(run.config, judge));
     let Run { set, playground, ledger, observer, .. } = run;
     let anew = || Ok(JudgingState::default());
-    let (mut state, mut keeping) =
-        Keeping::begin((*ledger, *observer), playground, judge::STAGE, part, anew)?;
+    let (mut state, mut checkpointing) =
+        Checkpointing::begin(*ledger, *observer, playground, judge::STAGE, part, anew)?;
     let trial = Trial { set, playground, start, inner, judging, cut, part, seed: &seed };
-    let judged = judge::judge(&trial, &mut state, &mut keeping)?;
-    keeping.finish_having(state.played(), part, &judged)?;
+    let judged = judge::judge(&trial, &mut state, &mut checkpointing)?;
+    checkpointing.finish_having(state.played(), part, &judged)?;
     Ok(judged.scores)
 }
 
@@ -167,12 +174,12 @@ pub fn judging_seed(config: &Config, judge: Judge) -> Seed {
 /// goal (Eq. 9 is taken per goal). What the run about one goal has already stays.
 pub fn hand_on(from: &dyn Ledger, to: &mut dyn Ledger, goal: EnvVariant) -> Result<()> {
     if let (Some(prior), None) = (MetaPrior::recall(from, "")?, MetaPrior::recall(to, "")?) {
-        prior.keep(to, "")?;
+        prior.store(to, "")?;
     }
     for judge in Judges::Both.each() {
         let name = judge.name();
         if let (Some(judged), None) = (Judged::recall(from, name)?, Judged::recall(to, name)?) {
-            judged.under(goal).keep(to, name)?;
+            judged.under(goal).store(to, name)?;
         }
     }
     Ok(())
@@ -180,8 +187,9 @@ pub fn hand_on(from: &dyn Ledger, to: &mut dyn Ledger, goal: EnvVariant) -> Resu
 
 /// What the judges say that are asked; whoever has not judged yet does it now.
 pub fn panel(run: &mut Run<'_>) -> Result<Panel> {
+    make(run, &arrows::all_scores(run.config))?;
     let panel = panel_of(run, run.config.judges.each())?;
-    panel.keep(run.ledger, "")?;
+    panel.store(run.ledger, "")?;
     Ok(panel)
 }
 

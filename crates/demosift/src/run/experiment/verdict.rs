@@ -1,4 +1,4 @@
-//! The referee's trainings, each kept as a file of its own as it is finished, and what they say.
+//! The referee's trainings, each stored as a file of its own as it is finished, and what they say.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -13,20 +13,20 @@ use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::learning::adapt::Rule;
 use crate::results::artifact::{self, Artifact, onnx};
-use crate::stages::imitate::{self, ImitationState, LearningCurve};
+use crate::stages::imitate::{self, Effort, ImitationState, LearningCurve, Lesson};
 use crate::stages::method::Spent;
 use crate::stages::referee::{
     self, Candidate, Contest, Meant, NamedSubset, STAGE, Training, Unit, Verdict, imitation_by, imitator_name,
 };
 use crate::world::rollout::Playground;
 
-/// Under which name the policy is kept that the referee would hand over.
+/// Under which name the policy is stored that the referee would hand over.
 pub const BEST: &str = "best";
 
 /// Subsets → Verdict: trains final policies on what was kept, on the whole set and on random subsets, and says what to train
 /// on, by which imitator, and whether selecting helps.
 ///
-/// Trainings run side by side, and each is kept as it is finished.
+/// Trainings run side by side, and each is stored as it is finished.
 ///
 /// # Errors
 /// `is_bad_input` if a subset is empty, `is_diverged` if a training diverges.
@@ -54,7 +54,7 @@ pub fn verdict(run: &mut Run<'_>, kept: &[NamedSubset]) -> Result<Verdict> {
         }
     }
     let verdict = contest.decide(run.playground.task().heuristic().unit());
-    keep(run, &verdict, played)?;
+    store(run, &verdict, played)?;
     Ok(verdict)
 }
 
@@ -63,21 +63,21 @@ fn recalled(ledger: &dyn Ledger, candidates: &[Candidate]) -> Result<Option<Verd
     Ok(Verdict::recall(ledger, "")?.filter(|verdict| verdict.candidates == candidates))
 }
 
-/// Keeps what the trainings cost, the policy to be handed over, and at last the verdict, which says that all is done.
-fn keep(run: &mut Run<'_>, verdict: &Verdict, played: u64) -> Result<()> {
+/// Stores what the trainings cost, the policy to be handed over, and at last the verdict, which says that all is done.
+fn store(run: &mut Run<'_>, verdict: &Verdict, played: u64) -> Result<()> {
     if let Some((winner, training)) = verdict.winner.zip(verdict.best_training) {
         let pair = &verdict.pairs[winner].trained;
         let part = part(&verdict.candidates[pair.candidate], pair.imitator, training);
         if let Some(curve) = LearningCurve::recall(run.ledger, &part)? {
             let name = format!("policy_{BEST}.safetensors");
-            run.ledger.keep(&name, &artifact::write_policy(&curve.best))?;
-            onnx::keep_policy(run.ledger, BEST, &curve.best, run.playground.specification())?;
+            run.ledger.store(&name, &artifact::write_policy(&curve.best))?;
+            onnx::store_policy(run.ledger, BEST, &curve.best, run.playground.specification())?;
         }
     }
     if played > 0 {
-        Spent { environment_steps: played }.keep(run.ledger, STAGE)?;
+        Spent { environment_steps: played }.store(run.ledger, STAGE)?;
     }
-    verdict.keep(run.ledger, "")
+    verdict.store(run.ledger, "")
 }
 
 /// Trainings that are still to be made, as far as can be said before they are: those of pairs that will be dropped count.
@@ -89,12 +89,12 @@ pub(crate) fn rest(run: &Run<'_>, candidates: &[Candidate]) -> Result<Vec<Meant>
     let mut left = Vec::new();
     for meant in referee::meant(candidates, &run.config.referee) {
         let seed = training_seed(run.config, meant.training);
-        let mut is_kept = false;
+        let mut is_stored = false;
         for candidate in meant.candidates.iter().map(|index| &candidates[*index]) {
             let found = LearningCurve::recall(run.ledger, &part(candidate, meant.imitator, meant.training))?;
-            is_kept |= found.is_some_and(|curve| curve.demos == candidate.demos_of(&ids, &seed));
+            is_stored |= found.is_some_and(|curve| curve.demos == candidate.demos_of(&ids, &seed));
         }
-        if !is_kept {
+        if !is_stored {
             left.push(meant);
         }
     }
@@ -104,11 +104,11 @@ pub(crate) fn rest(run: &Run<'_>, candidates: &[Candidate]) -> Result<Vec<Meant>
 /// Environment steps of these trainings, where episodes last to the horizon.
 fn meant_steps(run: &Run<'_>, trainings: &[Meant]) -> usize {
     let task = run.playground.specification();
-    let steps = |meant: &Meant| imitate::steps(task, &imitation_by(meant.imitator, &run.config.imitate));
+    let steps = |meant: &Meant| Effort::of(task, &imitation_by(meant.imitator, &run.config.imitate)).steps();
     trainings.iter().map(steps).sum::<u64>() as usize
 }
 
-/// Under which name a training is kept.
+/// Under which name a training is stored.
 fn part(candidate: &Candidate, imitator: Rule, training: usize) -> String {
     format!("{STAGE}_{}_{}_{training}", candidate.key, imitator_name(imitator).to_lowercase())
 }
@@ -174,12 +174,12 @@ fn train(ground: Ground<'_>, unit: Unit, shared: &Mutex<Shared<'_>>) -> Result<L
         return Ok(curve);
     }
     let imitation = imitation_by(unit.imitator, &config.imitate);
-    let start = ImitationState::start((set, &demos), &config.policy, &imitation, &seed.of("start"));
-    let curve = imitate::imitate(set, playground, &imitation, start, &seed, (&part, &mut Silent))
-        .map_err(|error| error.during(&part))?;
+    let start = ImitationState::start(set, &demos, &config.policy, &imitation, &seed.of("start"));
+    let lesson = Lesson { set, playground, imitation: &imitation, part: &part, seed: &seed };
+    let curve = imitate::imitate(&lesson, start, &mut Silent).map_err(|error| error.during(&part))?;
     let mut shared = lock(shared);
-    curve.keep(shared.ledger, &part)?;
-    *shared.done += imitate::steps(playground.specification(), &imitation) as usize;
+    curve.store(shared.ledger, &part)?;
+    *shared.done += Effort::of(playground.specification(), &imitation).steps() as usize;
     let done = *shared.done;
     shared.observer.on(Event::Advanced { stage: STAGE, done });
     Ok(curve)

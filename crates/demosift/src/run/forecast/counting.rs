@@ -6,20 +6,21 @@ use super::By;
 use crate::basics::error::Result;
 use crate::basics::ledger::Ledger;
 use crate::data::demonstration::DemoId;
-use crate::learning::adapt::{Learner, Rule};
+use crate::learning::adapt::{InnerUpdate, Rule};
 use crate::results::artifact::Artifact;
 use crate::results::panel::{Judge, Opinion, Panel};
 use crate::results::recording;
+use crate::run::experiment::arrows::{self, Arrow};
 use crate::run::experiment::{self, Run, Selection, begun, stage_name};
 use crate::stages::demonstrator::{self, DemonstratorState, Stage};
 use crate::stages::imitate::{self, ImitationState, LearningCurve};
-use crate::stages::judge::{self, Cost, Judged, JudgingState};
-use crate::stages::meta_train::{self, MetaState, MetaTraining};
+use crate::stages::judge::{self, Effort, Judging, JudgingState};
+use crate::stages::meta_train::{self, Learning, MetaState, MetaTraining};
 use crate::stages::method::Method;
 use crate::stages::pre_train::{self, PreTrainState};
 use crate::stages::referee::{self, DECISIVE, Meant, NamedSubset, imitation_by};
 use crate::stages::select::{Keep, Subset};
-use crate::stages::subset_selection::{self, Weighing, WeighingState};
+use crate::stages::subset_selection::{self, WeighingState};
 use crate::world::rollout::Playground;
 
 /// How far along the flow a command goes.
@@ -89,21 +90,10 @@ pub fn planned(run: &Run<'_>, goal: Goal<'_>) -> Result<Vec<Planned>> {
     let count = run.set.len();
     let mut stages = Vec::new();
     match goal {
-        Goal::Prior => stages.extend(prior(run)?),
-        Goal::Scores => stages.extend(judged_by_all(run)?),
-        Goal::Weighing => {
-            stages.extend(prior(run)?);
-            stages.extend(weighing(run)?);
-        }
-        Goal::Selection => {
-            stages.extend(judged_by_all(run)?);
-            if run.config.keep == Keep::Weights {
-                if !run.config.judges.each().contains(&Judge::Paper) {
-                    stages.extend(prior(run)?);
-                }
-                stages.extend(weighing(run)?);
-            }
-        }
+        Goal::Prior => stages = left_of(run, &[Arrow::Prior])?,
+        Goal::Scores => stages = left_of(run, &arrows::all_scores(run.config))?,
+        Goal::Weighing => stages = left_of(run, &[Arrow::Weighing])?,
+        Goal::Selection => stages = left_of(run, &arrows::for_selection(run.config))?,
         Goal::Comparison => {
             stages = planned(run, Goal::Selection)?;
             stages.extend(planned(run, Goal::OneTraining)?);
@@ -136,6 +126,16 @@ pub fn planned(run: &Run<'_>, goal: Goal<'_>) -> Result<Vec<Planned>> {
         }
     }
     Ok(stages)
+}
+
+/// What is left of what the flow will make to have all that is wanted.
+fn left_of(run: &Run<'_>, wanted: &[Arrow]) -> Result<Vec<Planned>> {
+    let left = arrows::missing(run, wanted)?.into_iter().map(|arrow| match arrow {
+        Arrow::Prior => prior(run),
+        Arrow::Scores(judge) => scores(run, judge),
+        Arrow::Weighing => weighing(run),
+    });
+    left.filter_map(Result::transpose).collect()
 }
 
 /// Several parts of a stage as one.
@@ -177,20 +177,17 @@ impl Whole {
 }
 
 fn prior(run: &Run<'_>) -> Result<Option<Planned>> {
-    if Learner::recall(run.ledger, "")?.is_some() {
-        return Ok(None);
-    }
-    let (config, updates) = (run.config, experiment::plan(run).updates);
+    let (config, updates) = (run.config, experiment::budget(run).updates);
     let task = run.playground.specification();
     match config.method {
         Method::FromScratch => Ok(None),
         Method::Maml | Method::MamlMi => {
-            let learning = (&config.meta_train, &config.inner, experiment::information(config));
+            let learning = experiment::learning(config);
             let seed = experiment::learning_seed(config);
             let (spent, done) = begun(run.ledger, meta_train::STAGE, "", |state: &MetaState| state.rounds)?;
             let whole = Whole {
                 stage: meta_train::STAGE.to_owned(),
-                environment_steps: meta_train::steps_by_round(run.set, run.playground, learning, &seed)
+                environment_steps: meta_train::steps_by_round(run.set, run.playground, &learning, &seed)
                     .take(updates)
                     .sum(),
                 updates: updates as u64,
@@ -214,91 +211,55 @@ fn prior(run: &Run<'_>) -> Result<Option<Planned>> {
     }
 }
 
-/// Every judge that is asked, with the prior of the paper's before it.
-fn judged_by_all(run: &Run<'_>) -> Result<Vec<Planned>> {
-    let mut stages = Vec::new();
-    for &judge in run.config.judges.each() {
-        if judge == Judge::Paper {
-            stages.extend(prior(run)?);
-        }
-        stages.extend(scores(run, judge)?);
-    }
-    Ok(stages)
-}
-
 fn scores(run: &Run<'_>, judge: Judge) -> Result<Option<Planned>> {
-    if Judged::recall(run.ledger, judge.name())?.is_some() {
-        return Ok(None);
-    }
     let judging = &experiment::judging(run, judge);
-    let whole = match judge {
-        Judge::Cloning => {
-            let inner = &experiment::cloning_update(run.config);
-            judged(run, judge, &Cost { judging, inner, starts_anew: true })
-        }
-        Judge::Paper => judged(run, judge, &Cost { judging, inner: &run.config.inner, starts_anew: false }),
+    let effort = match judge {
+        Judge::Cloning => effort(run, judging, &experiment::cloning_update(run.config), true),
+        Judge::Paper => effort(run, judging, &run.config.inner, false),
     };
-    let total = whole.units;
+    let whole = Whole {
+        stage: stage_name(judge::STAGE, judge.name()),
+        environment_steps: effort.steps(),
+        updates: effort.updates as u64,
+        at_most: judging.most_repeats > judging.repeats,
+        pieces: pieces(judge, judging, &effort),
+    };
     let (spent, done) = begun(run.ledger, judge::STAGE, judge.name(), JudgingState::done)?;
-    Ok(whole.whole.rest(spent, done, total))
-}
-
-/// A judging, with the number of its units.
-struct WholeJudging {
-    whole: Whole,
-    units: usize,
+    Ok(whole.rest(spent, done, effort.units))
 }
 
 /// Judging the whole set once.
-fn judged(run: &Run<'_>, judge: Judge, cost: &Cost<'_>) -> WholeJudging {
-    let (task, Cost { judging, inner, starts_anew }) = (run.playground.specification(), *cost);
-    let most = judging.repeats.max(judging.most_repeats);
-    let adaptations = run.set.len() * task.variants.len() * most;
-    let updates = adaptations * judging.iterations;
-    let environment_steps = judge::steps(run.set.len(), task, cost);
-    let adapting = updates * inner.episodes(task.horizon) * task.horizon;
-    let starts = task.variants.len() * if starts_anew { most } else { 1 };
-    WholeJudging {
-        units: adaptations + starts,
-        whole: Whole {
-            stage: stage_name(judge::STAGE, judge.name()),
-            environment_steps,
-            updates: updates as u64,
-            at_most: judging.most_repeats > judging.repeats,
-            pieces: vec![
-                (Piece::Inner { judge }, updates as f64),
-                (
-                    Piece::Evaluation { episodes: judging.evaluations },
-                    (environment_steps - adapting as u64) as f64,
-                ),
-            ],
-        },
-    }
+fn effort(run: &Run<'_>, judging: &Judging, inner: &InnerUpdate, starts_anew: bool) -> Effort {
+    Effort::of(run.set.len(), run.playground.specification(), judging, inner, starts_anew)
+}
+
+fn pieces(judge: Judge, judging: &Judging, effort: &Effort) -> Vec<(Piece, f64)> {
+    vec![
+        (Piece::Inner { judge }, effort.updates as f64),
+        (Piece::Evaluation { episodes: judging.evaluations }, effort.evaluating_steps as f64),
+    ]
 }
 
 fn weighing(run: &Run<'_>) -> Result<Option<Planned>> {
-    if Weighing::recall(run.ledger, "")?.is_some() {
-        return Ok(None);
-    }
     let (how, meta_batch) = (&run.config.subset_selection, run.set.len());
     let training = MetaTraining { meta_batch, ..run.config.meta_train.clone() };
-    let learning = (&training, &run.config.inner, experiment::information(run.config));
+    let learning = Learning { training: &training, ..experiment::learning(run.config) };
     let seed = subset_selection::fine_tuning_seed(&experiment::weighing_seed(run.config));
     let meta_updates = how.rounds * how.meta_updates;
     let learned: u64 =
-        meta_train::steps_by_round(run.set, run.playground, learning, &seed).take(meta_updates).sum();
+        meta_train::steps_by_round(run.set, run.playground, &learning, &seed).take(meta_updates).sum();
     let judging = subset_selection::assessing(how, &run.config.judge);
-    let cost = Cost { judging: &judging, inner: &run.config.inner, starts_anew: false };
-    let assessed = judged(run, Judge::Paper, &cost).whole;
+    let assessing = effort(run, &judging, &run.config.inner, false);
     let rounds = how.rounds as f64;
-    let mut pieces = vec![(Piece::Round { meta_batch }, meta_updates as f64)];
-    pieces.extend(assessed.pieces.into_iter().map(|(piece, units)| (piece, units * rounds)));
+    let mut parts = vec![(Piece::Round { meta_batch }, meta_updates as f64)];
+    let assessed = pieces(Judge::Paper, &judging, &assessing);
+    parts.extend(assessed.into_iter().map(|(piece, units)| (piece, units * rounds)));
     let whole = Whole {
         stage: subset_selection::STAGE.to_owned(),
-        environment_steps: learned + assessed.environment_steps * how.rounds as u64,
-        updates: meta_updates as u64 + assessed.updates * how.rounds as u64,
+        environment_steps: learned + assessing.steps() * how.rounds as u64,
+        updates: (meta_updates + assessing.updates * how.rounds) as u64,
         at_most: how.steady_rounds < how.rounds,
-        pieces,
+        pieces: parts,
     };
     let (spent, done) =
         begun(run.ledger, subset_selection::STAGE, "", |state: &WeighingState| state.rounds.len())?;
@@ -313,21 +274,16 @@ fn imitation(run: &Run<'_>, part: &str, demos: Option<&[DemoId]>, size: usize) -
         return Ok(None);
     }
     let (task, imitation) = (run.playground.specification(), &run.config.imitate);
-    let updates = imitate::updates(task, imitation);
-    let environment_steps = imitate::steps(task, imitation);
-    let learning = updates * imitation.update.episodes(task.horizon) * task.horizon;
+    let effort = imitate::Effort::of(task, imitation);
     let piece = Piece::Imitation { rule: imitation.update.imitation, at_once: 1, demonstrations: size };
     let whole = Whole {
         stage: stage_name(imitate::STAGE, part),
-        environment_steps,
-        updates: updates as u64,
+        environment_steps: effort.steps(),
+        updates: effort.updates as u64,
         at_most: false,
         pieces: vec![
-            (piece, updates as f64),
-            (
-                Piece::Evaluation { episodes: imitation.evaluations },
-                (environment_steps - learning as u64) as f64,
-            ),
+            (piece, effort.updates as f64),
+            (Piece::Evaluation { episodes: imitation.evaluations }, effort.evaluating_steps as f64),
         ],
     };
     let (spent, done) =
@@ -340,7 +296,7 @@ fn imitation(run: &Run<'_>, part: &str, demos: Option<&[DemoId]>, size: usize) -
             },
         )?;
     let (spent, done) = if done == 0 { (0, 0) } else { (spent, done) };
-    Ok(whole.rest(spent, done, updates.max(1)))
+    Ok(whole.rest(spent, done, effort.updates.max(1)))
 }
 
 /// The referee's trainings; before anything is kept, as if as many demonstrations were kept as is likely.
@@ -352,21 +308,19 @@ fn verdict(run: &Run<'_>) -> Result<Option<Planned>> {
     let several = Panel::recall(run.ledger, "")?.is_none();
     let of_training = |meant: Meant| {
         let imitation = imitation_by(meant.imitator, &run.config.imitate);
-        let updates = imitate::updates(task, &imitation);
-        let environment_steps = imitate::steps(task, &imitation);
-        let learning = (updates * imitation.update.episodes(task.horizon) * task.horizon) as u64;
+        let effort = imitate::Effort::of(task, &imitation);
         let demonstrations = candidates[meant.candidates[0]].size;
         let piece = Piece::Imitation { rule: meant.imitator, at_once, demonstrations };
         let evaluation = Piece::Evaluation { episodes: imitation.evaluations };
         Planned {
             stage: referee::STAGE.to_owned(),
-            environment_steps,
-            updates: updates as u64,
+            environment_steps: effort.steps(),
+            updates: effort.updates as u64,
             // Judges that keep the same have one candidate, and who is surely hopeless is dropped.
             at_most: several || run.config.referee.trainings(meant.imitator) > DECISIVE,
             pieces: vec![
-                (piece, updates as f64 / at_once as f64),
-                (evaluation, (environment_steps - learning) as f64),
+                (piece, effort.updates as f64 / at_once as f64),
+                (evaluation, effort.evaluating_steps as f64),
             ],
         }
     };
@@ -403,9 +357,8 @@ fn is_sorted_from(found: &[DemoId], demos: &[DemoId]) -> bool {
 /// How many will be kept, as far as that can be said before judging.
 fn likely_size(run: &Run<'_>) -> usize {
     match run.config.keep {
-        Keep::Count(count) => count,
-        Keep::Quarter => run.set.len().div_ceil(4),
         Keep::Auto | Keep::Weights => run.set.len().div_ceil(2),
+        keep @ (Keep::Quarter | Keep::Count(_)) => keep.count_before_judging(run.set.len()),
     }
 }
 

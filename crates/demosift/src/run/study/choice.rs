@@ -6,6 +6,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::basics::error::{Error, Result};
+use crate::stages::select::quarter;
 
 /// A number of demonstrations, written as a number, `half` or `quarter`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -25,7 +26,7 @@ impl TopK {
         let k = match self {
             Self::Count(count) => count,
             Self::Half => demonstrations / 2,
-            Self::Quarter => demonstrations.div_ceil(4),
+            Self::Quarter => quarter(demonstrations),
         };
         (1..demonstrations).contains(&k).then_some(k)
     }

@@ -10,8 +10,8 @@ use crate::learning::adapt::Rule;
 use crate::math::statistics;
 use crate::results::panel::{Judge, Judges};
 use crate::run::experiment::{self, Config, Run};
-use crate::stages::imitate::{self, CurvePoint, ImitationState};
-use crate::stages::judge::{self, Suitability};
+use crate::stages::imitate::{self, CurvePoint, ImitationState, Lesson};
+use crate::stages::judge::{Effort, Suitability};
 use crate::stages::referee::imitation_by;
 use crate::world::environment::Task;
 use crate::world::heuristic::Score;
@@ -62,7 +62,7 @@ pub fn judging(means: &Means<'_>, seed: u64, clock: &mut dyn FnMut() -> f64) -> 
 
 fn judged(suitability: &Suitability) -> Result<JudgedDemonstration> {
     Ok(JudgedDemonstration {
-        score: finite(suitability.score())?,
+        score: finite(suitability.gain())?,
         after: finite(suitability.mean_after())?,
         repeats: suitability.after.iter().map(|scores| statistics::mean(scores)).collect(),
     })
@@ -86,8 +86,10 @@ pub fn training(
     let seed = Seed::new(seed).of("imitate");
     let mut passed = Passed::from_now(&playground, clock);
     let policy = &means.config.policy;
-    let start = ImitationState::start((means.set, demos), policy, &imitation, &seed.of("start"));
-    let curve = imitate::imitate(means.set, &playground, &imitation, start, &seed, ("", &mut Silent))?;
+    let start = ImitationState::start(means.set, demos, policy, &imitation, &seed.of("start"));
+    let lesson =
+        Lesson { set: means.set, playground: &playground, imitation: &imitation, part: "", seed: &seed };
+    let curve = imitate::imitate(&lesson, start, &mut Silent)?;
     Ok(TrainingResult {
         end: outcome(&curve.end)?,
         chosen: outcome(&curve.outcome)?,
@@ -106,12 +108,11 @@ pub fn planned_judging(means: &Means<'_>) -> u64 {
         observer: &mut Silent,
     };
     let of = |judge: &Judge| match judge {
-        Judge::Paper => experiment::plan(&run).quota,
+        Judge::Paper => experiment::budget(&run).quota,
         Judge::Cloning => {
             let judging = &means.config.cloning_judge.judging;
             let inner = &experiment::cloning_update(means.config);
-            let how = judge::Cost { judging, inner, starts_anew: true };
-            judge::steps(means.set.len(), means.task.specification(), &how)
+            Effort::of(means.set.len(), means.task.specification(), judging, inner, true).steps()
         }
     };
     means.config.judges.each().iter().map(of).sum()
@@ -119,7 +120,7 @@ pub fn planned_judging(means: &Means<'_>) -> u64 {
 
 /// Environment steps that a training takes, where episodes last to the horizon.
 pub fn planned_training(means: &Means<'_>, imitator: Rule) -> u64 {
-    imitate::steps(means.task.specification(), &imitation_by(imitator, &means.config.imitate))
+    imitate::Effort::of(means.task.specification(), &imitation_by(imitator, &means.config.imitate)).steps()
 }
 
 fn outcome(point: &CurvePoint) -> Result<Outcome> {

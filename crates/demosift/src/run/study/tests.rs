@@ -451,7 +451,7 @@ fn a_cell_is_what_a_run_finds() {
     experiment::prior(&mut run).expect("learns");
     let once = playground.steps_taken();
     let table = experiment::scores(&mut run, crate::results::panel::Judge::Paper).expect("judges");
-    let scores: Vec<f64> = table.suitabilities.iter().map(|of| of.score()).collect();
+    let scores: Vec<f64> = table.suitabilities.iter().map(|of| of.gain()).collect();
     assert_eq!(judged.scores(), scores);
     assert_eq!(judged.once, Cost { environment_steps: once, seconds: 1.0 });
     assert_eq!(once + judged.judging.environment_steps, playground.steps_taken());

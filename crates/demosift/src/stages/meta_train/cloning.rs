@@ -7,9 +7,8 @@
 
 use rayon::prelude::*;
 
-use super::{MetaState, MetaTraining, Order, Outcome, total_weight};
+use super::{Learning, MetaState, Order, Outcome, total_weight};
 use crate::basics::error::{Error, Result};
-use crate::learning::adapt::InnerUpdate;
 use crate::learning::behavioral_cloning::{Shown, descend, loss_and_gradient, pulled_back};
 use crate::math::nn::mlp::Tape;
 use crate::math::rows::Rows;
@@ -20,12 +19,12 @@ pub(super) fn meta_update(
     state: &mut MetaState,
     demonstrated: &[Rows],
     outcomes: &[Outcome],
-    (training, inner): (&MetaTraining, &InnerUpdate),
+    learning: &Learning<'_>,
 ) -> Result<Vec<(&'static str, f64)>> {
     let prior = &state.prior.policy;
     let parts: Vec<(f64, Vec<f32>)> = outcomes
         .par_iter()
-        .map(|outcome| meta_gradient(prior, outcome, &demonstrated[outcome.demo.0], (training.order, inner)))
+        .map(|outcome| meta_gradient(prior, outcome, &demonstrated[outcome.target.demo.0], learning))
         .collect();
     let total = total_weight(outcomes);
     let (mut gradient, mut loss) = (vec![0.0; prior.network_parameters().len()], 0.0);
@@ -38,7 +37,7 @@ pub(super) fn meta_update(
         return Err(Error::diverged("the meta-gradient of the cloned policy is not a finite number"));
     }
     let mut parameters = prior.network_parameters().to_vec();
-    state.policy_adam.descend(training.policy_learning_rate as f32, &gradient, &mut parameters);
+    state.policy_adam.descend(learning.training.policy_learning_rate as f32, &gradient, &mut parameters);
     parameters.extend_from_slice(prior.log_std());
     state.prior.policy = Policy::from_parts(prior.network().clone(), parameters, prior.filter().clone());
     let norm = gradient.iter().map(|value| f64::from(*value).powi(2)).sum::<f64>().sqrt();
@@ -50,17 +49,17 @@ fn meta_gradient(
     prior: &Policy,
     outcome: &Outcome,
     demonstrated: &Rows,
-    (order, inner): (Order, &InnerUpdate),
+    learning: &Learning<'_>,
 ) -> (f64, Vec<f32>) {
     let (network, adapted) = (prior.network(), outcome.adapted.policy.network_parameters());
     let shown = Shown::new(&[demonstrated], network.input_width());
     let (loss, gradient) = loss_and_gradient(network, adapted, &shown, &mut Tape::default());
-    match order {
+    match learning.training.order {
         Order::First => (loss, gradient),
         Order::Second => {
+            let inner = learning.inner;
             let rate = inner.cloning.learning_rate * inner.alpha(0);
-            let steps = (rate, inner.cloning.steps);
-            let iterates = descend(network, prior.network_parameters(), &shown, steps);
+            let iterates = descend(network, prior.network_parameters(), &shown, rate, inner.cloning.steps);
             (loss, pulled_back(network, &iterates, &shown, rate, gradient))
         }
     }
@@ -68,12 +67,12 @@ fn meta_gradient(
 
 #[cfg(test)]
 mod tests {
-    use super::super::Round;
+    use super::super::{MetaTraining, Round};
     use super::*;
     use crate::basics::seed::Seed;
     use crate::data::demonstration::DemonstrationSet;
     use crate::data::weights::Weights;
-    use crate::learning::adapt::Rule;
+    use crate::learning::adapt::{InnerUpdate, Rule, Target};
     use crate::learning::behavioral_cloning::Cloning;
     use crate::math::nn::check::derivative;
     use crate::run::preset::Preset;
@@ -102,10 +101,11 @@ mod tests {
             crate::math::nn::check::normal(count, "shift").iter().map(|value| 0.3 * *value as f32).collect();
         state.prior.policy = state.prior.policy.moved(&shift);
         let demonstrated = state.prior.demonstrated_pairs(set);
-        let tasks: Vec<_> = set.ids().into_iter().map(|id| (id, EnvVariant(0))).collect();
+        let targets: Vec<_> =
+            set.ids().into_iter().map(|demo| Target { demo, variant: EnvVariant(0) }).collect();
         let playground = &Playground::new(&task);
         let (prior, weights) = (&state.prior, &Weights::ones(set.len()));
-        let round = Round { prior, tasks: &tasks, weights, playground, inner: &inner, seed: &seed };
+        let round = Round { prior, targets: &targets, weights, playground, inner: &inner, seed: &seed };
         let played = round.play(&demonstrated, None).expect("finite numbers");
         assert_eq!((played.environment_steps, playground.steps_taken()), (0, 0), "cloning plays nothing");
         assert_eq!(played.behavior_spread, None);
@@ -129,7 +129,7 @@ mod tests {
             .collect();
         let mut loss = |at: &[f64]| -> f64 {
             let after = |shown: &Shown<f64>| {
-                let adapted = descend(&network, at, shown, (0.2, 3)).pop().expect("the start");
+                let adapted = descend(&network, at, shown, 0.2, 3).pop().expect("the start");
                 loss_and_gradient(&network, &adapted, shown, &mut Tape::default()).0
             };
             shown.iter().map(after).sum::<f64>() / shown.len() as f64
@@ -138,7 +138,8 @@ mod tests {
         let wrong_signs = |order: Order, loss: &mut dyn FnMut(&[f64]) -> f64| {
             let training = MetaTraining { order, ..Preset::Quick.config().meta_train };
             let mut state = state.clone();
-            meta_update(&mut state, &demonstrated, &outcomes, (&training, &inner)).expect("finite numbers");
+            let learning = Learning { training: &training, inner: &inner, information: None };
+            meta_update(&mut state, &demonstrated, &outcomes, &learning).expect("finite numbers");
             let (mut wrong, mut checked) = (0, 0);
             for (index, after) in state.prior.policy.network_parameters().iter().enumerate() {
                 let mut direction = vec![0.0; before.len()];
@@ -163,7 +164,8 @@ mod tests {
         let (mut state, demonstrated, outcomes) = scene(&set);
         let before = state.prior.clone();
         let training = Preset::Quick.config().meta_train;
-        meta_update(&mut state, &demonstrated, &outcomes, (&training, &inner())).expect("finite numbers");
+        let learning = Learning { training: &training, inner: &inner(), information: None };
+        meta_update(&mut state, &demonstrated, &outcomes, &learning).expect("finite numbers");
         assert_ne!(state.prior.policy.network_parameters(), before.policy.network_parameters());
         assert_eq!(state.prior.policy.log_std(), before.policy.log_std());
         assert_eq!(state.prior.discriminator, before.discriminator);

@@ -1,6 +1,6 @@
 //! What meta-training costs, before it begins.
 
-use super::{InnerUpdate, MetaTraining, MutualInformation, tasks_of_round, variants};
+use super::{Learning, targets_of_round, variants};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemonstrationSet;
 use crate::world::rollout::Playground;
@@ -12,14 +12,15 @@ use crate::world::rollout::Playground;
 pub fn steps_by_round(
     set: &DemonstrationSet,
     playground: &Playground<'_>,
-    (training, inner, information): (&MetaTraining, &InnerUpdate, Option<&MutualInformation>),
+    learning: &Learning<'_>,
     seed: &Seed,
 ) -> impl Iterator<Item = u64> {
+    let Learning { training, inner, information } = *learning;
     let horizon = playground.specification().horizon;
     let seed = seed.of("batch");
     (0..).map(move |number| {
-        let tasks = tasks_of_round(set, playground, training.meta_batch, seed.at(number));
-        let policies = variants(&tasks).len() + tasks.len();
+        let targets = targets_of_round(set, playground, training.meta_batch, seed.at(number));
+        let policies = variants(&targets).len() + targets.len();
         let imitating = policies * inner.episodes(horizon);
         let informing = information.map_or(0, |how| 2 * policies * how.episodes(horizon));
         ((imitating + informing) * horizon) as u64

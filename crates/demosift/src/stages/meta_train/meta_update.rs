@@ -7,11 +7,9 @@
 
 use rayon::prelude::*;
 
-use super::{
-    Before, MetaState, MetaTraining, Order, Outcome, PlayedRound, before_under, cloning, total_weight,
-};
+use super::{Before, Learning, MetaState, Order, Outcome, PlayedRound, before_under, cloning, total_weight};
 use crate::basics::error::{Error, Result};
-use crate::learning::adapt::{InnerUpdate, Rule};
+use crate::learning::adapt::{InnerUpdate, NaturalStep, Rule};
 use crate::learning::gail;
 use crate::learning::trpo::{self, Adaptation, Branch, Step};
 use crate::math::rows::Rows;
@@ -22,17 +20,15 @@ pub(super) fn meta_update(
     state: &mut MetaState,
     demonstrated: &[Rows],
     played: &PlayedRound,
-    (training, inner): (&MetaTraining, &InnerUpdate),
+    learning: &Learning<'_>,
 ) -> Result<Vec<(&'static str, f64)>> {
-    match inner.imitation {
+    match learning.inner.imitation {
         Rule::Gail => {
-            let step = meta_update_policy(&mut state.prior.policy, played, training, inner)?;
-            meta_update_discriminator(state, demonstrated, &played.outcomes, training, inner)?;
+            let step = meta_update_policy(&mut state.prior.policy, played, learning)?;
+            meta_update_discriminator(state, demonstrated, &played.outcomes, learning)?;
             Ok(vec![("meta_kl", step.kl), ("meta_improvement", step.improvement)])
         }
-        Rule::BehavioralCloning => {
-            cloning::meta_update(state, demonstrated, &played.outcomes, (training, inner))
-        }
+        Rule::BehavioralCloning => cloning::meta_update(state, demonstrated, &played.outcomes, learning),
     }
 }
 
@@ -43,9 +39,9 @@ pub(super) fn meta_update(
 pub(super) fn meta_update_policy(
     policy: &mut Policy,
     PlayedRound { before, outcomes, .. }: &PlayedRound,
-    training: &MetaTraining,
-    inner: &InnerUpdate,
+    learning: &Learning<'_>,
 ) -> Result<Step> {
+    let Learning { training, inner, .. } = *learning;
     let advantages: Vec<Vec<f32>> = outcomes
         .par_iter()
         .map(|outcome| {
@@ -61,10 +57,8 @@ pub(super) fn meta_update_policy(
     let step = match training.order {
         Order::First => trpo::step(&experiences.flatten().collect::<Vec<_>>(), region, 1.0)?,
         Order::Second => {
-            let advantages_before = advantages_before(before, outcomes, inner)?;
-            let acted = outcomes.iter().zip(&advantages_before);
-            let branches = experiences.zip(acted).map(|(experiences, (outcome, advantages))| {
-                let adaptation = adaptation(policy, before, (outcome, advantages), inner);
+            let branches = experiences.zip(outcomes).map(|(experiences, outcome)| {
+                let adaptation = adaptation(policy, before, outcome, inner);
                 Branch { experiences, adaptation: Some(adaptation) }
             });
             trpo::step_through(branches.collect(), region, 1.0)?
@@ -74,24 +68,16 @@ pub(super) fn meta_update_policy(
     Ok(step)
 }
 
-/// The advantages by which line 8 adapted θ to each demonstration, from the discriminator of line 9.
-fn advantages_before(before: &[Before], outcomes: &[Outcome], inner: &InnerUpdate) -> Result<Vec<Vec<f32>>> {
-    let advantages = |Outcome { adapted, variant, .. }: &Outcome| {
-        let before = before_under(before, *variant);
-        before.advantages(&gail::imitation_rewards(&adapted.discriminator, &before.pairs), &inner.advantage)
-    };
-    outcomes.par_iter().map(advantages).collect()
-}
-
 /// How a θ'_i moves with θ: the step of line 8, on the trajectories of line 7.
 fn adaptation<'a>(
     policy: &'a Policy,
     before: &'a [Before],
-    (outcome, advantages): (&Outcome, &'a [f32]),
+    outcome: &'a Outcome,
     inner: &InnerUpdate,
 ) -> Adaptation<'a, f32> {
-    let experiences = before_under(before, outcome.variant).experiences(policy, advantages, 1.0);
-    Adaptation::new(&experiences, &inner.trust_region, outcome.update.natural_step.unwrap_or(0.0))
+    let NaturalStep { advantages, size } = outcome.step.as_ref().expect("GAIL adapts by such a step");
+    let experiences = before_under(before, outcome.target.variant).experiences(policy, advantages, 1.0);
+    Adaptation::new(&experiences, &inner.trust_region, *size)
 }
 
 /// Line 19, Eq. 3: D_meta ← D_meta − β Σ_i c_i·(Ê_τi[∇ −log D'_i] + Ê_vi[∇ −log(1 − D'_i)]).
@@ -101,14 +87,14 @@ pub(super) fn meta_update_discriminator(
     state: &mut MetaState,
     demonstrated: &[Rows],
     outcomes: &[Outcome],
-    training: &MetaTraining,
-    inner: &InnerUpdate,
+    learning: &Learning<'_>,
 ) -> Result<()> {
+    let Learning { training, inner, .. } = *learning;
     let entropy = inner.discriminator.entropy;
     let gradients: Vec<Vec<f32>> = outcomes
         .par_iter()
-        .map(|Outcome { demo, adapted, after, .. }| {
-            let demonstrated = &[&demonstrated[demo.0]];
+        .map(|Outcome { target, adapted, after, .. }| {
+            let demonstrated = &[&demonstrated[target.demo.0]];
             gail::loss_and_gradient(&adapted.discriminator, &[&after.pairs], demonstrated, entropy).1
         })
         .collect();

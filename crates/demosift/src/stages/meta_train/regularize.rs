@@ -22,8 +22,8 @@ use serde::{Deserialize, Serialize};
 use super::{Imitator, Round};
 use crate::basics::error::Result;
 use crate::basics::seed::Seed;
-use crate::data::demonstration::{DemoId, DemonstrationSet};
-use crate::learning::adapt::Played;
+use crate::data::demonstration::DemonstrationSet;
+use crate::learning::adapt::{Played, Target};
 use crate::learning::mutual_information::{
     self, Change, Credit, Paid, Posterior, PosteriorFitting, Sequences, advantages, information_rewards,
 };
@@ -108,7 +108,7 @@ pub(super) fn regularize(
     regularizer: Regularizer<'_>,
 ) -> Result<Report> {
     let Regularizer { how, state: PosteriorState { posterior, adam }, encodings } = regularizer;
-    let encoding = |imitator: &Imitator| encodings[imitator.demo.0];
+    let encoding = |imitator: &Imitator| encodings[imitator.target.demo.0];
     let train = play_quietly(round, imitators, how, "inform_train")?;
     let read = train.read(round, how);
     let changes: Vec<Change<'_>> = imitators
@@ -161,7 +161,7 @@ fn play_quietly(
     let before = round.variants().into_par_iter();
     let before = before.map(|variant| Ok((variant, play(&round.prior.policy, "before", variant)?)));
     let after = imitators.par_iter();
-    let after = after.map(|imitator| play(&imitator.adapted.policy, "after", imitator.variant));
+    let after = after.map(|imitator| play(&imitator.adapted.policy, "after", imitator.target.variant));
     Ok(Compared { before: before.collect::<Result<_>>()?, after: after.collect::<Result<_>>()? })
 }
 
@@ -174,7 +174,7 @@ impl Compared {
     /// Whose trajectories are paid, for each imitator.
     fn paid<'a>(&'a self, imitators: &[Imitator], paid: Paid) -> Vec<&'a Quiet> {
         let of = |(imitator, after): (&Imitator, _)| match paid {
-            Paid::Before => self.before_under(imitator.variant),
+            Paid::Before => self.before_under(imitator.target.variant),
             Paid::After => after,
         };
         imitators.iter().zip(&self.after).map(of).collect()
@@ -184,14 +184,14 @@ impl Compared {
     /// of single trajectories is gone.
     fn read(&self, round: &Round<'_>, how: &MutualInformation) -> Vec<(Sequences, Sequences)> {
         let read = |quiet: &Quiet| round.read(&quiet.played, how.posterior.readings);
-        let of = |(after, (_, variant)): (&Quiet, &(DemoId, EnvVariant))| {
-            let (before, after) = (read(self.before_under(*variant)), read(after));
+        let of = |(after, target): (&Quiet, &Target)| {
+            let (before, after) = (read(self.before_under(target.variant)), read(after));
             match how.paid {
                 Paid::Before => (before, after.averaged()),
                 Paid::After => (before.averaged(), after),
             }
         };
-        self.after.par_iter().zip(round.tasks).map(of).collect()
+        self.after.par_iter().zip(round.targets).map(of).collect()
     }
 
     fn steps(&self) -> usize {

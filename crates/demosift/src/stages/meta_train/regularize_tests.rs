@@ -1,4 +1,5 @@
 use super::*;
+use crate::data::demonstration::DemoId;
 use crate::data::weights::Weights;
 use crate::learning::adapt::{InnerUpdate, Learner};
 use crate::math::nn::check::{derivative, gradient_error};
@@ -44,9 +45,10 @@ fn scene_of(how: &MutualInformation, goals: usize, seed: Seed) -> Scene {
     let playground = &Playground::new(&task);
     let shape = PolicyShape { hidden: vec![6], initial_std: 0.5 };
     let prior = Learner::untrained(&set, &shape, &[8], &Seed::new(1));
-    let tasks: Vec<_> = set.ids().into_iter().map(|id| (id, EnvVariant(id.0 % goals))).collect();
+    let target = |demo: DemoId| Target { demo, variant: EnvVariant(demo.0 % goals) };
+    let targets: Vec<_> = set.ids().into_iter().map(target).collect();
     let weights = &Weights::ones(set.len());
-    let round = Round { prior: &prior, tasks: &tasks, weights, playground, inner: &inner, seed: &seed };
+    let round = Round { prior: &prior, targets: &targets, weights, playground, inner: &inner, seed: &seed };
     let before = super::super::play_before(&round).expect("finite numbers");
     let demonstrated = prior.demonstrated_pairs(&set);
     let mut imitators = super::super::imitate(&round, &before, &demonstrated).expect("finite numbers");
@@ -80,7 +82,8 @@ fn log_probabilities(policy: &Policy, displacement: &[f64], observations: &Rows,
 fn play_again(
     playground: &Playground<'_>,
     policy: &Policy,
-    (name, side): (&str, &str),
+    name: &str,
+    side: &str,
     how: &MutualInformation,
 ) -> (Policy, Played) {
     let quiet = policy.with_spread(how.noise);
@@ -91,7 +94,7 @@ fn play_again(
 }
 
 fn read(played: &Played, how: &MutualInformation) -> Sequences {
-    Sequences::read(&played.observations, &played.lengths, (30, how.posterior.readings))
+    Sequences::read(&played.observations, &played.lengths, 30, how.posterior.readings)
 }
 
 /// The step on the old trajectories goes from θ along the gradient of E_old[π_θ/π_old · R_MI], here by finite differences
@@ -117,7 +120,7 @@ fn moves_along_the_gradient(paid: Paid) {
     // The held-out trajectories, played again.
     let task = PointMass::new();
     let playground = Playground::new(&task);
-    let play = |policy: &Policy, side: &str| play_again(&playground, policy, ("inform_held_out", side), &how);
+    let play = |policy: &Policy, side: &str| play_again(&playground, policy, "inform_held_out", side, &how);
     let (old_policy, old) = play(&scene.prior.policy, "before");
     let posterior = &scene.state.posterior;
     for (demo, (adapted, informed)) in scene.adapted.iter().zip(&scene.informed).enumerate() {
@@ -186,9 +189,9 @@ fn algorithm_1_line_13_judges_the_posterior_on_held_out_pairs() {
     let task = PointMass::new();
     let playground = Playground::new(&task);
     let unexplained = |name: &str| {
-        let (_, before) = play_again(&playground, &scene.prior.policy, (name, "before"), &how);
+        let (_, before) = play_again(&playground, &scene.prior.policy, name, "before", &how);
         let squared_error = |(demo, policy): (usize, &Policy)| {
-            let (_, after) = play_again(&playground, policy, (name, "after"), &how);
+            let (_, after) = play_again(&playground, policy, name, "after", &how);
             let (before, after) = (read(&before, &how).averaged(), read(&after, &how));
             let posterior = &scene.state.posterior;
             mutual_information::mean_squared_error(posterior, &before, &after, scene.encodings[demo])
@@ -212,7 +215,7 @@ fn algorithm_1_line_14_as_written_raises_log_q_on_fresh_pairs() {
     let playground = Playground::new(&task);
     let posterior = &scene.state.posterior;
     let fresh =
-        |policy: &Policy, side: &str| read(&play_again(&playground, policy, ("fresh", side), &how).1, &how);
+        |policy: &Policy, side: &str| read(&play_again(&playground, policy, "fresh", side, &how).1, &how);
     let before = fresh(&scene.prior.policy, "before").averaged();
     let log_q = |policies: &[Policy]| {
         let of = |(policy, encoding): (&Policy, &f32)| {

@@ -52,7 +52,7 @@ pub(super) fn behavior_spread(round: &Round<'_>, outcomes: &[Outcome]) -> Option
         return None;
     }
     let means: Vec<(EnvVariant, Vec<f64>)> =
-        outcomes.iter().map(|one| (one.variant, round.read(&one.after, READINGS).mean())).collect();
+        outcomes.iter().map(|one| (one.target.variant, round.read(&one.after, READINGS).mean())).collect();
     let (mut squares, mut count) = (0.0, 0);
     for (variant, mean) in &means {
         let others: Vec<&Vec<f64>> =

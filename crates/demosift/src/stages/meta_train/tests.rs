@@ -1,5 +1,6 @@
 use super::meta_update::{meta_update_discriminator, meta_update_policy};
 use super::*;
+use crate::data::demonstration::DemoId;
 use crate::learning::gail;
 use crate::math::nn::check::gradient_error;
 use crate::math::nn::mlp::Tape;
@@ -8,9 +9,16 @@ use crate::world::point_mass::{PointMass, planted_set};
 
 const BEARINGS: [f32; 3] = [0.0, 120.0, 240.0];
 
-fn learning() -> (MetaTraining, InnerUpdate) {
-    let config = Preset::Quick.config();
-    (config.meta_train, InnerUpdate { batch_steps: 180, ..config.inner })
+fn training() -> MetaTraining {
+    Preset::Quick.config().meta_train
+}
+
+fn inner() -> InnerUpdate {
+    InnerUpdate { batch_steps: 180, ..Preset::Quick.config().inner }
+}
+
+fn learning<'a>(training: &'a MetaTraining, inner: &'a InnerUpdate) -> Learning<'a> {
+    Learning { training, inner, information: None }
 }
 
 fn doubles(values: &[f32]) -> Vec<f64> {
@@ -27,11 +35,12 @@ fn played(set: &DemonstrationSet) -> (MetaState, Vec<Rows>, PlayedRound) {
 }
 
 fn played_from(state: &MetaState, set: &DemonstrationSet, demonstrated: &[Rows]) -> PlayedRound {
-    let (task, (_, inner)) = (PointMass::new(), learning());
+    let (task, inner) = (PointMass::new(), inner());
     let playground = Playground::new(&task);
-    let tasks: Vec<_> = set.ids().into_iter().map(|id| (id, EnvVariant(0))).collect();
+    let targets: Vec<_> = set.ids().into_iter().map(|demo| Target { demo, variant: EnvVariant(0) }).collect();
     let (prior, weights, seed) = (&state.prior, &Weights::ones(set.len()), Seed::new(2));
-    let round = Round { prior, tasks: &tasks, weights, playground: &playground, inner: &inner, seed: &seed };
+    let (inner, playground, seed) = (&inner, &playground, &seed);
+    let round = Round { prior, targets: &targets, weights, playground, inner, seed };
     round.play(demonstrated, None).expect("finite numbers")
 }
 
@@ -41,11 +50,11 @@ fn played_from(state: &MetaState, set: &DemonstrationSet, demonstrated: &[Rows])
 fn eq_2_the_meta_step_follows_the_mean_gradient_at_the_adapted_parameters() {
     let set = planted_set(&BEARINGS, Seed::new(1)).expect("a valid set");
     let (state, _, played) = played(&set);
-    let (training, inner) = learning();
     let region = TrustRegion { max_kl: 1e-6, damping: 1e6, ..TrustRegion::default() };
-    let training = MetaTraining { trust_region: region, ..training };
+    let (training, inner) = (MetaTraining { trust_region: region, ..training() }, inner());
     let mut policy = state.prior.policy.clone();
-    let step = meta_update_policy(&mut policy, &played, &training, &inner).expect("finite numbers");
+    let step =
+        meta_update_policy(&mut policy, &played, &learning(&training, &inner)).expect("finite numbers");
     let outcomes = played.outcomes;
     let advantages: Vec<Vec<f32>> = outcomes
         .iter()
@@ -100,7 +109,7 @@ fn eq_2_the_meta_step_follows_the_mean_gradient_at_the_adapted_parameters() {
 fn eq_3_the_meta_discriminator_goes_down_the_sum_of_the_adapted_losses() {
     let set = planted_set(&BEARINGS, Seed::new(1)).expect("a valid set");
     let (mut state, demonstrated, PlayedRound { outcomes, .. }) = played(&set);
-    let (training, inner) = learning();
+    let (training, inner) = (training(), inner());
     let loss = |displacement: &[f64]| -> f64 {
         let of = |outcome: &Outcome| {
             let discriminator = &outcome.adapted.discriminator;
@@ -120,12 +129,12 @@ fn eq_3_the_meta_discriminator_goes_down_the_sum_of_the_adapted_losses() {
                 });
                 losses.sum::<f64>() / rows.len() as f64
             };
-            mean(&outcome.after.pairs, 1.0) + mean(&demonstrated[outcome.demo.0], 0.0)
+            mean(&outcome.after.pairs, 1.0) + mean(&demonstrated[outcome.target.demo.0], 0.0)
         };
         outcomes.iter().map(of).sum()
     };
     let before = state.prior.discriminator.parameters().to_vec();
-    meta_update_discriminator(&mut state, &demonstrated, &outcomes, &training, &inner)
+    meta_update_discriminator(&mut state, &demonstrated, &outcomes, &learning(&training, &inner))
         .expect("finite numbers");
     let mut checked = 0;
     for (index, (before, after)) in before.iter().zip(state.prior.discriminator.parameters()).enumerate() {
@@ -151,7 +160,8 @@ fn section_4_4_a_weight_counts_as_so_many_of_the_same_demonstration() {
         let demonstrations = ids.iter().map(|id| planted.get(DemoId(*id)).clone()).collect();
         DemonstrationSet::new(demonstrations).expect("a valid set")
     };
-    let (training, inner) = learning();
+    let (training, inner) = (training(), inner());
+    let learning = learning(&training, &inner);
     let updated = |ids: &[usize], weights: &[f64]| {
         // The filter of a set depends on how often a demonstration stands there, so the prior is that of one set.
         let (mut state, _, _) = played(&planted);
@@ -161,8 +171,8 @@ fn section_4_4_a_weight_counts_as_so_many_of_the_same_demonstration() {
             outcome.weight = *weight;
         }
         let mut policy = state.prior.policy.clone();
-        let step = meta_update_policy(&mut policy, &played, &training, &inner).expect("finite numbers");
-        meta_update_discriminator(&mut state, &demonstrated, &played.outcomes, &training, &inner)
+        let step = meta_update_policy(&mut policy, &played, &learning).expect("finite numbers");
+        meta_update_discriminator(&mut state, &demonstrated, &played.outcomes, &learning)
             .expect("finite numbers");
         (step.displacement, state.prior.discriminator.parameters().to_vec())
     };
@@ -186,18 +196,18 @@ fn algorithm_1_line_2_draws_distinct_demonstrations_and_in_time_every_variant() 
     let playground = Playground::new(&task);
     let (mut demos, mut variants) = (vec![0; 9], vec![0; 3]);
     for number in 0..100 {
-        let tasks = tasks_of_round(&set, &playground, 4, Seed::new(number));
-        assert_eq!(tasks.len(), 4);
-        assert!(tasks.is_sorted_by(|a, b| a.0 < b.0), "each demonstration once");
-        for (demo, variant) in tasks {
+        let targets = targets_of_round(&set, &playground, 4, Seed::new(number));
+        assert_eq!(targets.len(), 4);
+        assert!(targets.is_sorted_by(|a, b| a.demo < b.demo), "each demonstration once");
+        for Target { demo, variant } in targets {
             demos[demo.0] += 1;
             variants[variant.0] += 1;
         }
     }
     assert!(demos.iter().all(|count| (20..70).contains(count)), "{demos:?}");
     assert!(variants.iter().all(|count| (90..180).contains(count)), "{variants:?}");
-    let whole = tasks_of_round(&set, &playground, 10, Seed::new(1));
-    assert_eq!(whole.iter().map(|(demo, _)| *demo).collect::<Vec<_>>(), set.ids());
+    let whole = targets_of_round(&set, &playground, 10, Seed::new(1));
+    assert_eq!(whole.iter().map(|target| target.demo).collect::<Vec<_>>(), set.ids());
 }
 
 /// The same trajectories before, the same draws after: what is demonstrated twice comes out twice.
@@ -219,6 +229,6 @@ fn appendix_a_2_1_ten_demonstrations_a_round_and_two_thousand_rounds() {
     assert_eq!((training.meta_batch, training.rounds), (10, 2000));
     let set = planted_set(&[0.0; 8], Seed::new(1)).expect("a valid set");
     let task = PointMass::new();
-    let tasks = tasks_of_round(&set, &Playground::new(&task), training.meta_batch, Seed::new(1));
-    assert_eq!(tasks.len(), 8, "the whole set where it is smaller");
+    let targets = targets_of_round(&set, &Playground::new(&task), training.meta_batch, Seed::new(1));
+    assert_eq!(targets.len(), 8, "the whole set where it is smaller");
 }

@@ -65,7 +65,7 @@ impl Mlp {
                     }
                 };
                 let network = [parameters, direction];
-                self.layer_backward_tangents(index, (&rows, input), network, &mut work, gradient_tangents);
+                self.layer_backward_tangents(index, &rows, input, network, &mut work, gradient_tangents);
             }
         }
     }
@@ -76,7 +76,8 @@ impl Mlp {
     fn layer_backward_tangents<T: Real>(
         &self,
         index: usize,
-        (rows, input): (&Range<usize>, &[T]),
+        rows: &Range<usize>,
+        input: &[T],
         [parameters, direction]: [&[T]; 2],
         work: &mut Work<T>,
         gradient_tangents: &mut [T],

@@ -1,4 +1,4 @@
-//! How a stage of a run is kept: its checkpoints as it goes, its noun and what it cost when it is finished.
+//! How a stage of a run is stored: its checkpoints as it goes, its result and what it cost when it is finished.
 
 use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
@@ -8,7 +8,7 @@ use crate::stages::method::Spent;
 use crate::world::rollout::Playground;
 
 /// Passes events on, writes the checkpoints among them into the ledger, and counts what is played.
-pub struct Keeping<'a> {
+pub struct Checkpointing<'a> {
     ledger: &'a mut dyn Ledger,
     observer: &'a mut dyn Observer,
     playground: &'a Playground<'a>,
@@ -50,10 +50,11 @@ pub(crate) fn begun<State: serde::de::DeserializeOwned>(
     Ok((spent, done(&state)))
 }
 
-impl<'a> Keeping<'a> {
+impl<'a> Checkpointing<'a> {
     /// The state of a stage: that of its last checkpoint, or a new one.
     pub fn begin<State: Snapshot + serde::de::DeserializeOwned>(
-        (ledger, observer): (&'a mut dyn Ledger, &'a mut dyn Observer),
+        ledger: &'a mut dyn Ledger,
+        observer: &'a mut dyn Observer,
         playground: &'a Playground<'a>,
         stage: &str,
         part: &str,
@@ -73,7 +74,7 @@ impl<'a> Keeping<'a> {
         self.offset.wrapping_add(self.playground.steps_taken())
     }
 
-    /// Keeps the finished noun and what it cost, and forgets the checkpoint.
+    /// Stores the finished result and what it cost, and forgets the checkpoint.
     pub fn finish(self, part: &str, noun: &impl Artifact) -> Result<()> {
         let spent = self.spent();
         self.finish_having(spent, part, noun)
@@ -85,17 +86,17 @@ impl<'a> Keeping<'a> {
         if let Some(error) = self.failed {
             return Err(error);
         }
-        spent.keep(self.ledger, &self.stage)?;
-        noun.keep(self.ledger, part)?;
+        spent.store(self.ledger, &self.stage)?;
+        noun.store(self.ledger, part)?;
         self.ledger.forget(&self.checkpoint)
     }
 }
 
-impl Observer for Keeping<'_> {
+impl Observer for Checkpointing<'_> {
     fn on(&mut self, event: Event<'_>) {
         if let Event::Checkpoint { state, .. } = &event {
             let counted = artifact::write_checkpoint(&Counted(self.spent(), *state));
-            if let Err(error) = self.ledger.keep(&self.checkpoint, &counted) {
+            if let Err(error) = self.ledger.store(&self.checkpoint, &counted) {
                 self.failed.get_or_insert(error);
             }
         }

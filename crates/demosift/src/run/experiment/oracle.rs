@@ -1,0 +1,77 @@
+//! What each demonstration teaches alone from scratch, which rankings are compared with; random subsets, which the kept one is
+//! compared with.
+
+use super::{Run, learning_curve, learning_curve_with};
+use crate::basics::error::{Error, Result};
+use crate::basics::seed::Seed;
+use crate::data::demonstration::DemoId;
+use crate::results::artifact::Artifact;
+use crate::results::oracle::{self, Oracle};
+use crate::stages::imitate::LearningCurve;
+use crate::stages::select::Ranking;
+use crate::world::heuristic::Score;
+
+/// Each demonstration alone, so many times; beside it the ranking and the policy from the kept demonstrations, as far as the
+/// ledger holds them, and so many random subsets.
+///
+/// # Errors
+/// `is_bad_config` if there is nothing to compare random subsets with, `is_diverged` if a training diverges.
+pub fn oracle(run: &mut Run<'_>, repeats: usize, random: usize) -> Result<Oracle> {
+    let kept = policy_from_kept(run, random)?;
+    let (mut alone, mut curves) = (Vec::new(), Vec::new());
+    for demo in run.set.ids() {
+        let of_demo =
+            (0..repeats).map(|repeat| oracle_curve(run, demo, repeat)).collect::<Result<Vec<_>>>()?;
+        alone.push(oracle::alone(demo, &of_demo));
+        curves.push(of_demo);
+    }
+    let worth = match (kept, oracle::best(&alone)) {
+        (Some(kept), Some(best)) => {
+            let random = (0..random)
+                .map(|number| Ok(random_subset(run, kept.demos.len(), number)?.end.score))
+                .collect::<Result<Vec<Score>>>()?;
+            Some(oracle::worth(&kept, best, &curves[best.0], random))
+        }
+        _ => None,
+    };
+    let agreement = Ranking::recall(run.ledger, "")?.map(|ranking| oracle::agreement(&ranking, &alone));
+    Ok(Oracle { alone, agreement, kept: worth })
+}
+
+/// The policy from the kept demonstrations, which `random` subsets are compared with, if the ledger holds it.
+///
+/// # Errors
+/// `is_bad_config` if it is missing and there is something to be compared with it.
+pub fn policy_from_kept(run: &Run<'_>, random: usize) -> Result<Option<LearningCurve>> {
+    let kept = LearningCurve::recall(run.ledger, "subset")?;
+    if random > 0 && kept.is_none() {
+        return Err(Error::bad_config("--random compares with the policy from the kept demonstrations, which the run folder does not hold")
+            .with_hint("`demosift imitate --out DIR --resume` makes it"));
+    }
+    Ok(kept)
+}
+
+/// From scratch on one demonstration alone, with a seed of its own, which no other stage shares.
+pub fn oracle_curve(run: &mut Run<'_>, demo: DemoId, repeat: usize) -> Result<LearningCurve> {
+    let seed = Seed::new(run.config.seed).of("oracle").at(repeat);
+    learning_curve_with(run, &oracle_part(demo, repeat), &[demo], &seed)
+}
+
+/// Under which name the oracle's imitations are stored.
+pub(crate) fn oracle_part(demo: DemoId, repeat: usize) -> String {
+    format!("oracle_{demo}_{repeat}")
+}
+
+/// From scratch on a random subset of so many demonstrations, with the random numbers of the kept one; `number` tells
+/// several apart.
+pub fn random_subset(run: &mut Run<'_>, size: usize, number: usize) -> Result<LearningCurve> {
+    use rand::seq::IndexedRandom;
+    let mut rng = Seed::new(run.config.seed).of("random_subset").at(number).into_rng();
+    let demos: Vec<DemoId> = run.set.ids().sample(&mut rng, size).copied().collect();
+    learning_curve(run, &random_part(number), &demos)
+}
+
+/// Under which name the imitations of random subsets are stored.
+pub(crate) fn random_part(number: usize) -> String {
+    format!("random_{number}")
+}
