@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use demosift::basics::seed::Seed;
-use demosift::data::demonstration::{self, DemonstrationSet};
+use demosift::data::demonstration::{self, DemoId, DemonstrationSet};
 use demosift::data::trajectory::StateLog;
 use demosift::math::rows::Rows;
 use demosift::results::artifact;
@@ -130,30 +130,33 @@ fn replay(chosen: &Chosen, data: &Path, arguments: &PlayArguments) -> Result<Vec
         )
     })?;
     let ids = match &arguments.demonstration[..] {
-        [] => (0..set.len()).collect(),
+        [] => set.ids().into_iter().map(|demo| demo.0).collect(),
         named => named.to_vec(),
     };
     let episodes = ids.into_iter().map(|id| {
         let (id, demonstration) = find(set, id)?;
-        let measured: Rows = replay::measurements(task, &states[id], demonstration.actions())
+        let states = demonstrations::states_of(&states, DemoId(id)).map_err(|error| error.at(path))?;
+        let measured: Rows = replay::measurements(task, states, demonstration.actions())
             .map_err(|error| error.during(&format!("demonstration {id}")).at(path))?;
         Ok(Episode {
             name: format!("demonstration {id}"),
             steps: demonstration.steps(),
             score: chosen.task.heuristic().score(&measured),
             succeeded: chosen.task.succeeded(&measured),
-            states: Some(states[id].clone()),
+            states: Some(states.clone()),
         })
     });
     episodes.collect()
 }
 
 fn find(set: &DemonstrationSet, id: usize) -> Result<(usize, &demosift::data::demonstration::Demonstration)> {
-    let found = set.iter().nth(id).map(|(_, demonstration)| (id, demonstration));
-    found.ok_or_else(|| {
-        let last = set.len() - 1;
-        Error::bad_input(format!("--demonstration {id}: the demonstrations of this set are 0 to {last}"))
-    })
+    if !set.holds(DemoId(id)) {
+        let range = tables::range_of(set);
+        return Err(Error::bad_input(format!(
+            "--demonstration {id}: the demonstrations of this set are {range}"
+        )));
+    }
+    Ok((id, set.get(DemoId(id))))
 }
 
 /// The task, if there is a simulator behind it.

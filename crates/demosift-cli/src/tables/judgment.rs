@@ -182,7 +182,7 @@ pub(crate) fn beside(ranking: &Ranking, Beside { data_only, unusable }: &Beside)
         ["demonstration"].into_iter().chain(columns.iter().map(|column| column.name.as_str())).collect();
     let mut rows: Vec<Vec<String>> = Vec::with_capacity(ranking.entries.len() + 1);
     for entry in &ranking.entries {
-        let scores = columns.iter().map(|column| significant(column.scores[entry.demo.0]));
+        let scores = columns.iter().map(|column| significant(column.scores[ranking.place_in_set(entry.demo)]));
         rows.push([entry.demo.to_string()].into_iter().chain(scores).collect());
     }
     let agreements = columns.iter().map(|column| agreement(ranking, &column.scores));
@@ -197,7 +197,7 @@ pub(crate) fn beside(ranking: &Ranking, Beside { data_only, unusable }: &Beside)
 /// Spearman's rank correlation of a column, in the order of the set, with the gains of a ranking.
 fn agreement(ranking: &Ranking, scores: &[f64]) -> f64 {
     let (gains, scores): (Vec<f64>, Vec<f64>) =
-        ranking.entries.iter().map(|entry| (entry.score, scores[entry.demo.0])).unzip();
+        ranking.entries.iter().map(|entry| (entry.score, scores[ranking.place_in_set(entry.demo)])).unzip();
     agreement::spearman(&gains, &scores)
 }
 

@@ -191,14 +191,17 @@ fn opinion(found: &Found<'_>, seed: &Seed) -> Result<Opinion> {
     })
 }
 
-/// Mean scores over evaluations and variants, `[repeats][n]`: of the repeats that all demonstrations have.
+/// Mean scores over evaluations and variants, `[repeats][n]` in the order of the set: of the repeats that all demonstrations have.
 fn repeats(table: &ScoreTable) -> Vec<Vec<f64>> {
     let count = table.suitabilities.iter().map(|of| of.after.len()).min().unwrap_or(0);
-    let demos = 1 + table.suitabilities.iter().map(|of| of.demo.0).max().unwrap_or(0);
-    let mut means = vec![vec![0.0; demos]; count];
+    let mut demos: Vec<DemoId> = table.suitabilities.iter().map(|of| of.demo).collect();
+    demos.sort_unstable();
+    demos.dedup();
+    let mut means = vec![vec![0.0; demos.len()]; count];
     for of in &table.suitabilities {
+        let place = demos.binary_search(&of.demo).expect("it was taken from here");
         for (repeat, scores) in means.iter_mut().zip(&of.after) {
-            repeat[of.demo.0] += statistics::mean(scores);
+            repeat[place] += statistics::mean(scores);
         }
     }
     means

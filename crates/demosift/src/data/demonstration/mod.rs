@@ -96,11 +96,24 @@ fn check_sizes(demonstrations: &[Demonstration]) -> Result<()> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct DemonstrationSet {
     demonstrations: Vec<Demonstration>,
+    /// Ascending; not all positions of the file where only some of its episodes were chosen.
+    ids: Vec<DemoId>,
 }
 
 impl DemonstrationSet {
     /// Checks that the demonstrations fit each other.
     pub fn new(demonstrations: Vec<Demonstration>) -> Result<Self> {
+        let ids = (0..demonstrations.len()).map(DemoId).collect();
+        Self::chosen(ids, demonstrations)
+    }
+
+    /// The same for some episodes of a file, which keep their positions in it; `ids` ascend, one each demonstration.
+    ///
+    /// # Panics
+    /// If they do not: a bug of the caller.
+    pub fn chosen(ids: Vec<DemoId>, demonstrations: Vec<Demonstration>) -> Result<Self> {
+        assert_eq!(ids.len(), demonstrations.len(), "an id for each demonstration");
+        assert!(ids.is_sorted_by(|one, next| one < next), "ids ascend");
         if demonstrations.is_empty() {
             return Err(Error::bad_input(
                 "the set holds no demonstration; at least 2 are needed to choose from",
@@ -112,7 +125,7 @@ impl DemonstrationSet {
                 "the set holds 1 demonstration; at least 2 are needed to choose from",
             ));
         }
-        Ok(Self { demonstrations })
+        Ok(Self { demonstrations, ids })
     }
 
     /// Number of demonstrations, n.
@@ -136,16 +149,34 @@ impl DemonstrationSet {
     /// # Panics
     /// If the id is not of this set: a bug of the caller.
     pub fn get(&self, id: DemoId) -> &Demonstration {
-        &self.demonstrations[id.0]
+        &self.demonstrations[self.ids.binary_search(&id).expect("the id is of this set")]
+    }
+
+    /// Whether a demonstration is of this set.
+    pub fn holds(&self, id: DemoId) -> bool {
+        self.ids.binary_search(&id).is_ok()
+    }
+
+    /// Positions of the file up to the last demonstration, whether their episodes are of this set or not.
+    pub fn positions(&self) -> usize {
+        self.ids.last().map_or(0, |last| last.0 + 1)
+    }
+
+    /// One value each position of the file up to the last demonstration, so that an id finds its own: `absent` for those that
+    /// are not of this set.
+    pub fn by_position<T: Clone>(&self, absent: T, values: impl IntoIterator<Item = T>) -> Vec<T> {
+        let mut all = vec![absent; self.positions()];
+        self.ids.iter().zip(values).for_each(|(id, value)| all[id.0] = value);
+        all
     }
 
     /// The demonstrations with their ids, in file order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = (DemoId, &Demonstration)> {
-        self.demonstrations.iter().enumerate().map(|(index, demonstration)| (DemoId(index), demonstration))
+        self.ids.iter().copied().zip(&self.demonstrations)
     }
 
     /// All ids, in file order.
     pub fn ids(&self) -> Vec<DemoId> {
-        (0..self.len()).map(DemoId).collect()
+        self.ids.clone()
     }
 }

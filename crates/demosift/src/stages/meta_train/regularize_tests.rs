@@ -45,7 +45,7 @@ fn scene_of(how: &MutualInformation, goals: usize, seed: Seed) -> Scene {
     let shape = PolicyShape { hidden: vec![6], initial_std: 0.5 };
     let prior = Learner::untrained(&set, &shape, &[8], &Seed::new(1));
     let tasks: Vec<_> = set.ids().into_iter().map(|id| (id, EnvVariant(id.0 % goals))).collect();
-    let weights = &Weights::ones(set.len());
+    let weights = &Weights::ones(&set);
     let round = Round { prior: &prior, tasks: &tasks, weights, playground, inner: &inner, seed: &seed };
     let before = super::super::play_before(&round).expect("finite numbers");
     let demonstrated = prior.demonstrated_pairs(&set);

@@ -30,7 +30,7 @@ fn played_from(state: &MetaState, set: &DemonstrationSet, demonstrated: &[Rows])
     let (task, (_, inner)) = (PointMass::new(), learning());
     let playground = Playground::new(&task);
     let tasks: Vec<_> = set.ids().into_iter().map(|id| (id, EnvVariant(0))).collect();
-    let (prior, weights, seed) = (&state.prior, &Weights::ones(set.len()), Seed::new(2));
+    let (prior, weights, seed) = (&state.prior, &Weights::ones(set), Seed::new(2));
     let round = Round { prior, tasks: &tasks, weights, playground: &playground, inner: &inner, seed: &seed };
     round.play(demonstrated, None).expect("finite numbers")
 }
