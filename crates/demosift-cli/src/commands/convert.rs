@@ -3,19 +3,20 @@
 use std::path::Path;
 
 use demosift::data::demonstration::episode::{Episode, Source};
-use demosift::data::demonstration::{self, lerobot, minari};
+use demosift::data::demonstration::{self, DemoId, lerobot, minari};
 use demosift::data::trajectory::StateLog;
 use demosift::{Error, Result};
 use serde_json::json;
 
 use crate::arguments::{ConvertArguments, Target};
-use crate::demonstrations;
+use crate::demonstrations::{self, Opened};
 use crate::writing::undisturbed;
 use crate::{task, terminal};
 
 pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
-    let (source, path) =
+    let Opened { source, path, .. } =
         demonstrations::open_unchecked(Some(&arguments.demonstrations), &arguments.source, None)?;
+    demonstrations::say_what_is_not_read(&source);
     // One is not enough to choose from, and enough to convert.
     source.check().map_err(|error| error.at(&path))?;
     let out = &arguments.out;
@@ -23,6 +24,7 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
         Target::Lerobot => {
             let steps_per_sec = steps_per_sec(arguments.fps, arguments.task.as_deref())?;
             let states = demonstration::open::read_states(&path, Some(source.format))?;
+            let (_, states) = chosen(&source, states.as_deref(), &source.ids)?;
             let task = arguments.task.as_deref().map_or_else(|| name_of(out), task_name);
             undisturbed(|| lerobot::write(out, &source.episodes, states.as_deref(), steps_per_sec, &task))?;
         }
@@ -80,8 +82,11 @@ fn name_of(out: &Path) -> String {
 pub(super) fn chosen(
     source: &Source,
     states: Option<&[StateLog]>,
-    ids: &[usize],
-) -> (Vec<Episode>, Option<Vec<StateLog>>) {
-    let episodes = ids.iter().map(|&id| source.episodes[id].clone()).collect();
-    (episodes, states.map(|states| ids.iter().map(|&id| states[id].clone()).collect()))
+    ids: &[DemoId],
+) -> Result<(Vec<Episode>, Option<Vec<StateLog>>)> {
+    let episodes = ids.iter().filter_map(|&id| source.episode(id).cloned()).collect();
+    let states = states.map(|states| {
+        ids.iter().map(|&id| demonstrations::states_of(states, id).cloned()).collect::<Result<_>>()
+    });
+    Ok((episodes, states.transpose()?))
 }

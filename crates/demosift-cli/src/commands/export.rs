@@ -16,7 +16,7 @@ use demosift::{Error, Result};
 use serde_json::{Value, json};
 
 use super::convert;
-use crate::arguments::{ExportArguments, Form, SourceArguments};
+use crate::arguments::{ExportArguments, Form, SetArguments};
 use crate::configuration::Layer;
 use crate::demonstrations::{self, Demonstrations};
 use crate::run_folder::{self, Data, Identity, RunFolder};
@@ -30,7 +30,7 @@ struct Kept {
     folder: RunFolder,
     demonstrations: Demonstrations,
     /// In the order of the set.
-    ids: Vec<usize>,
+    ids: Vec<DemoId>,
 }
 
 pub(crate) fn run(arguments: &ExportArguments) -> Result<()> {
@@ -52,7 +52,7 @@ fn write_lerobot(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     let steps_per_sec = convert::steps_per_sec(arguments.fps, Some(&kept.identity.task))?;
     let states =
         demonstration::open::read_states(&kept.demonstrations.path, Some(kept.demonstrations.source.format))?;
-    let (episodes, states) = convert::chosen(&kept.demonstrations.source, states.as_deref(), &kept.ids);
+    let (episodes, states) = convert::chosen(&kept.demonstrations.source, states.as_deref(), &kept.ids)?;
     let task = convert::task_name(&kept.identity.task);
     undisturbed(|| lerobot::write(&out, &episodes, states.as_deref(), steps_per_sec, &task))?;
     written(kept, &out)
@@ -64,7 +64,7 @@ fn write_minari(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     if kept.demonstrations.source.format == Format::MinariHdf5 {
         undisturbed(|| minari::write_subset(&out, &kept.demonstrations.path, &labels(kept), &name))?;
     } else {
-        let (episodes, _) = convert::chosen(&kept.demonstrations.source, None, &kept.ids);
+        let (episodes, _) = convert::chosen(&kept.demonstrations.source, None, &kept.ids)?;
         undisturbed(|| minari::write(&out, &episodes, &name))?;
     }
     written(kept, &out)
@@ -84,7 +84,7 @@ fn open(run: &Path) -> Result<Kept> {
         };
         Error::bad_input("this run has kept no demonstrations yet").at(run).with_hint(hint)
     })?;
-    let demonstrations = demonstrations::open(None, &SourceArguments::default(), Some(&data))?;
+    let demonstrations = demonstrations::open(None, &SetArguments::default(), Some(&data))?;
     let found = demonstrations.data()?.sha256;
     if found != data.sha256 {
         return Err(Error::bad_input(format!(
@@ -96,14 +96,18 @@ fn open(run: &Path) -> Result<Kept> {
     // What to train on is the referee's to say, where it was asked.
     let verdict = Verdict::recall(&folder, "")?;
     let demos = verdict.as_ref().and_then(Verdict::recommended).unwrap_or(&subset.demos);
-    let mut ids: Vec<usize> = demos.iter().map(|demo| demo.0).collect();
+    let mut ids: Vec<DemoId> = demos.to_vec();
     ids.sort_unstable();
     Ok(Kept { identity, data, folder, demonstrations, ids })
 }
 
 /// What the file calls the kept demonstrations, in its order.
 fn labels(kept: &Kept) -> Vec<String> {
-    kept.ids.iter().map(|&id| kept.demonstrations.source.episodes[id].label.clone()).collect()
+    kept.ids.iter().map(|&id| label(kept, id)).collect()
+}
+
+fn label(kept: &Kept, demo: DemoId) -> String {
+    kept.demonstrations.source.episode(demo).map_or_else(String::new, |episode| episode.label.clone())
 }
 
 fn episode_list(kept: &Kept) -> Result<String> {
@@ -168,10 +172,10 @@ fn rows(kept: &Kept) -> Result<Vec<Value>> {
         let doubt = uncertainty.as_ref().and_then(|uncertainty| uncertainty.of(demo));
         json!({
             "demonstration": demo,
-            "label": kept.demonstrations.source.episodes[demo.0].label,
+            "label": label(kept, demo),
             "steps": kept.demonstrations.set.get(demo).steps(),
             "rank": rank + 1,
-            "kept": kept.ids.contains(&demo.0),
+            "kept": kept.ids.contains(&demo),
             "score": ranked.score,
             "low": doubt.map(|doubt| doubt.low),
             "high": doubt.map(|doubt| doubt.high),

@@ -1,20 +1,22 @@
 //! `demosift inspect`: what a file of demonstrations holds, and whether one could learn from it.
 
 use demosift::Result;
+use demosift::data::demonstration::choice;
 use demosift::data::demonstration::inspection::{self, Inspection, Spread};
 use demosift::run::experiment;
 use serde_json::json;
 
 use crate::arguments::InspectArguments;
-use crate::tables::table;
-use crate::{demonstrations, task, terminal};
+use crate::demonstrations::{self, Opened};
+use crate::tables::{table, wrapped};
+use crate::{task, terminal};
 
 /// Episodes and columns that are shown one by one before only the odd ones are.
 const SHOWN: usize = 24;
 
 pub(crate) fn run(arguments: &InspectArguments) -> Result<()> {
     let chosen = arguments.task.as_deref().map(task::choose).transpose()?;
-    let (source, path) =
+    let Opened { source, path, .. } =
         demonstrations::open_unchecked(Some(&arguments.demonstrations), &arguments.source, None)?;
     let seen = inspection::inspect(&source);
     let set = source.set();
@@ -64,8 +66,13 @@ fn summary(seen: &Inspection) -> String {
         0 => String::new(),
         steps => format!("\n{steps} steps after the last complete episode were left out."),
     };
+    let left_out: String = choice::in_words(&seen.left_out)
+        .iter()
+        .chain(&seen.not_read)
+        .map(|words| format!("\n{}", wrapped(words)))
+        .collect();
     format!(
-        "{} episodes {span}, stored as {}.\nAn observation is {} ({} numbers), an action {} ({} numbers).{dropped}",
+        "{} episodes {span}, stored as {}.\nAn observation is {} ({} numbers), an action {} ({} numbers).{dropped}{left_out}",
         seen.episodes.len(),
         seen.format,
         seen.columns.observations.join(" + "),
@@ -88,7 +95,7 @@ fn episodes(seen: &Inspection) -> String {
         .map(|&index| {
             let episode = &seen.episodes[index];
             vec![
-                index.to_string(),
+                episode.demonstration.to_string(),
                 episode.label.clone(),
                 episode.steps.to_string(),
                 episode.not_finite.to_string(),

@@ -18,7 +18,7 @@ use demosift_mujoco::pictures::render::Viewpoint;
 use demosift_mujoco::replay;
 use serde_json::json;
 
-use crate::arguments::{PictureArguments, PlayArguments};
+use crate::arguments::{PictureArguments, PlayArguments, SetArguments};
 use crate::demonstrations::{self, Demonstrations};
 use crate::job;
 use crate::picture_folder::PictureFolder;
@@ -122,7 +122,8 @@ pub(crate) fn read_policy(path: &Path, specification: &Specification) -> Result<
 /// Demonstrations as they were recorded, in the order in which they are named.
 fn replay(chosen: &Chosen, data: &Path, arguments: &PlayArguments) -> Result<Vec<Episode>> {
     let task = in_mujoco(chosen, "replay")?;
-    let Demonstrations { set, source, path } = &demonstrations::open(Some(data), &arguments.storage, None)?;
+    let Demonstrations { set, source, path, .. } =
+        &demonstrations::open(Some(data), &SetArguments::of(&arguments.storage), None)?;
     let states = demonstration::open::read_states(path, Some(source.format))?.ok_or_else(|| {
         let what = "the set holds no states of the simulator, 'infos/qpos' and 'infos/qvel', to replay from";
         Error::bad_input(what).at(path).with_hint(

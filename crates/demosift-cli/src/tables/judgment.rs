@@ -182,7 +182,8 @@ pub(crate) fn beside(ranking: &Ranking, Beside { data_only, unusable }: &Beside)
         ["demonstration"].into_iter().chain(columns.iter().map(|column| column.name.as_str())).collect();
     let mut rows: Vec<Vec<String>> = Vec::with_capacity(ranking.entries.len() + 1);
     for entry in &ranking.entries {
-        let scores = columns.iter().map(|column| significant(column.scores[ranking.place_in_set(entry.demo)]));
+        let scores =
+            columns.iter().map(|column| significant(column.scores[ranking.place_in_set(entry.demo)]));
         rows.push([entry.demo.to_string()].into_iter().chain(scores).collect());
     }
     let agreements = columns.iter().map(|column| agreement(ranking, &column.scores));

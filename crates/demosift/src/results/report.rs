@@ -386,7 +386,8 @@ fn bands(curves: &[Vec<UpdateReport>], number: impl Fn(&UpdateReport) -> Option<
 fn opinions(ranking: &Ranking, opinions: &DataOnly) -> Vec<Opinion> {
     let gains: Vec<Score> = ranking.entries.iter().map(|entry| entry.score).collect();
     let opinion = |column: &crate::results::data_only::Column| {
-        let scores: Vec<f64> = ranking.entries.iter().map(|entry| column.scores[ranking.place_in_set(entry.demo)]).collect();
+        let scores: Vec<f64> =
+            ranking.entries.iter().map(|entry| column.scores[ranking.place_in_set(entry.demo)]).collect();
         let spearman = Some(agreement::spearman(&gains, &scores)).filter(|value| value.is_finite());
         let (name, meaning) = (column.name.clone(), column.meaning.clone());
         Opinion { name, meaning, places: places(&scores), scores, spearman }

@@ -327,7 +327,10 @@ fn weighed(table: &ScoreTable, deltas: Vec<f64>, weights: &Weights) -> Weighed {
         if values.is_empty() { 0.0 } else { statistics::mean(&values) }
     };
     Weighed {
-        baseline: mean(&Suitability::mean_before, table.suitabilities.first().map_or(0, |first| first.demo.0)),
+        baseline: mean(
+            &Suitability::mean_before,
+            table.suitabilities.first().map_or(0, |first| first.demo.0),
+        ),
         scores: (0..deltas.len()).map(|demo| mean(&Suitability::mean_after, demo)).collect(),
         deltas,
         weights: weights.clone(),

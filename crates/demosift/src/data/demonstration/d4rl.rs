@@ -65,7 +65,7 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
     let ends = read_ends(&root, steps, file_len)?;
     let complete = ends.last().copied().unwrap_or(0);
     let episodes = split(&observations, &actions, &ends);
-    Ok(Source { format: Format::D4rl, columns, episodes, dropped_steps: steps - complete })
+    Ok(Source { dropped_steps: steps - complete, ..Source::new(Format::D4rl, columns, episodes) })
 }
 
 /// The rows after which an episode ends, at least one.
@@ -119,11 +119,9 @@ fn no_complete_episode(steps: usize, has_terminals: bool, has_timeouts: bool) ->
 /// Cuts the tables after each of `ends`.
 fn split(observations: &Rows, actions: &Rows, ends: &[usize]) -> Vec<episode::Episode> {
     let starts = std::iter::once(0).chain(ends.iter().copied());
-    let episodes = starts.zip(ends).enumerate().map(|(index, (start, &end))| episode::Episode {
-        label: index.to_string(),
-        observations: cut(observations, start, end),
-        actions: cut(actions, start, end),
-        last_observation: None,
+    let episodes = starts.zip(ends).enumerate().map(|(index, (start, &end))| {
+        let cut = |table| cut(table, start, end);
+        episode::Episode::new(index.to_string(), cut(observations), cut(actions), None)
     });
     episodes.collect()
 }

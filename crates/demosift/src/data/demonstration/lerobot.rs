@@ -20,6 +20,7 @@ use serde::Deserialize;
 use crate::basics::error::{Error, Result};
 use crate::data::demonstration::episode::{Columns, Episode, Format, Source};
 use crate::data::demonstration::parquet_table::{self, Table};
+use crate::data::demonstration::pointer;
 use crate::math::rows::Rows;
 
 mod states;
@@ -67,6 +68,7 @@ fn read_info(path: &Path) -> Result<Info> {
         }
         _ => Error::io("cannot read the description of the data set", &file, &source),
     };
+    pointer::refuse(&file)?;
     let len = fs::metadata(&file).map_err(failed)?.len();
     if len > LONGEST_INFO {
         return Err(
@@ -105,7 +107,7 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
             .with_hint("was the whole folder copied?"));
         }
     }
-    Ok(Source { format, columns, episodes, dropped_steps: 0 })
+    Ok(Source::new(format, columns, episodes))
 }
 
 /// Adds the rows of a file to the episode that they go on with, or to new ones.
@@ -165,12 +167,9 @@ fn append(
 }
 
 fn empty(index: i64, observations: &Rows, actions: &Rows) -> Episode {
-    Episode {
-        label: index.to_string(),
-        observations: Rows::with_capacity(observations.width(), 0),
-        actions: Rows::with_capacity(actions.width(), 0),
-        last_observation: None,
-    }
+    let (observations, actions) = (observations.width(), actions.width());
+    let none = |width| Rows::with_capacity(width, 0);
+    Episode::new(index.to_string(), none(observations), none(actions), None)
 }
 
 fn data_files(path: &Path) -> Result<Vec<PathBuf>> {

@@ -50,29 +50,29 @@ const DEEPEST: usize = 8;
 pub(super) fn read_hdf5(path: &Path, columns: &Columns) -> Result<Source> {
     let opened = hdf5::open(path)?;
     let root = opened.file.root();
-    let mut names = root.groups().map_err(damaged)?;
-    names.retain(|name| name.starts_with("episode_") && trailing_number(name).is_some());
-    names.sort_by_key(|name| trailing_number(name));
-    let Some(first) = names.first() else {
-        return Err(Error::bad_input("the file holds no episode; wanted groups episode_0, episode_1, …"));
-    };
-    let first = root.group(first).map_err(damaged)?;
+    let (names, not_read) = hdf5::numbered_groups(&root, "episode_")?.map_err(|groups| {
+        Error::bad_input(format!(
+            "the file holds no episode; wanted groups episode_0, episode_1, …, and there are: {groups}"
+        ))
+    })?;
+    let first = root.group(&names[0]).map_err(damaged)?;
     let columns = Columns {
         observations: usual(&first, &columns.observations, "observations")?,
         actions: usual(&first, &columns.actions, "actions")?,
     };
     let episodes = names.iter().map(|name| {
-        let group = root.group(name).map_err(damaged)?;
-        let observations = hdf5::read_columns(&group, &columns.observations, opened.file_len);
-        let actions = hdf5::read_columns(&group, &columns.actions, opened.file_len);
         let label = trailing_number(name).map_or_else(|| name.clone(), |number| number.to_string());
-        observations
-            .and_then(|observations| Episode::with_last(label, &observations, actions?))
-            .map_err(|error| error.during(name))
+        let read = || {
+            let group = root.group(name).map_err(damaged)?;
+            let observations = hdf5::read_columns(&group, &columns.observations, opened.file_len)?;
+            let actions = hdf5::read_columns(&group, &columns.actions, opened.file_len)?;
+            Episode::with_last(label.clone(), &observations, actions)
+        };
+        (label.clone(), read().map_err(|error| error.during(name)))
     });
-    let episodes = episodes.collect::<Result<Vec<_>>>()?;
+    let episodes = Episode::all_or_some(episodes.collect())?;
     check_counts(&path.with_file_name(METADATA), &episodes)?;
-    Ok(Source { format: Format::MinariHdf5, columns, episodes, dropped_steps: 0 })
+    Ok(Source { not_read, ..Source::new(Format::MinariHdf5, columns, episodes) })
 }
 
 /// The columns that were named, or all below `name`.
@@ -141,7 +141,7 @@ pub(super) fn read_parquet(path: &Path, columns: &Columns) -> Result<Source> {
         );
     }
     check_counts(&path.join(METADATA), &episodes)?;
-    Ok(Source { format: Format::MinariParquet, columns: resolved, episodes, dropped_steps: 0 })
+    Ok(Source::new(Format::MinariParquet, resolved, episodes))
 }
 
 /// Refuses a data set that holds more or less than the file beside it says, if there is one.
@@ -156,6 +156,10 @@ fn check_counts(metadata: &Path, episodes: &[Episode]) -> Result<()> {
     let counts: Counts = serde_json::from_slice(&bytes).map_err(|error| {
         Error::bad_input(format!("this does not describe a Minari data set: {error}")).at(metadata)
     })?;
+    // What could not be read is named by whoever wants to learn from it.
+    if episodes.iter().any(|episode| episode.unreadable.is_some()) {
+        return Ok(());
+    }
     let steps = episodes.iter().map(|episode| episode.actions.len()).sum();
     for (what, claimed, found) in
         [("episodes", counts.total_episodes, episodes.len()), ("steps", counts.total_steps, steps)]

@@ -3,6 +3,7 @@
 //! A demonstration carries no reward, stage or origin, so nothing that judges can learn where it came from.
 
 mod baselines_npz;
+pub mod choice;
 pub mod d4rl;
 pub mod episode;
 mod hdf5;
@@ -10,11 +11,13 @@ mod imitation_npz;
 pub mod inspection;
 pub mod lerobot;
 pub mod minari;
+mod named;
 mod npz;
 pub mod open;
 mod parquet_pages;
 mod parquet_table;
 mod parquet_writing;
+mod pointer;
 pub mod robomimic;
 
 use crate::basics::error::{Error, Result};
@@ -40,6 +43,12 @@ pub struct Demonstration {
 impl Demonstration {
     /// Observations `[T, obs]` and the actions `[T, act]` taken on them; all finite, at least one pair.
     pub fn new(observations: Rows, actions: Rows) -> Result<Self> {
+        Self::check(&observations, &actions)?;
+        Ok(Self { observations, actions })
+    }
+
+    /// Whether these make a demonstration.
+    fn check(observations: &Rows, actions: &Rows) -> Result<()> {
         if actions.is_empty() {
             return Err(Error::bad_input("a demonstration needs at least one state-action pair, got none"));
         }
@@ -50,7 +59,7 @@ impl Demonstration {
                 actions.len()
             )));
         }
-        for (what, rows) in [("observation", &observations), ("action", &actions)] {
+        for (what, rows) in [("observation", observations), ("action", actions)] {
             if let Some((step, column)) = rows.first_not_finite() {
                 return Err(Error::bad_input(format!(
                     "{what} {column} at step {step} is {}, and must be a finite number",
@@ -58,7 +67,7 @@ impl Demonstration {
                 )));
             }
         }
-        Ok(Self { observations, actions })
+        Ok(())
     }
 
     /// Number of pairs, T.

@@ -8,9 +8,10 @@ use std::path::{Path, PathBuf};
 
 use crate::basics::error::{Error, Result};
 use crate::basics::files;
+use crate::data::demonstration::choice::{self, Choice};
 use crate::data::demonstration::episode::{Columns, Format, MINARI_HDF5, RECORDED, Source};
 use crate::data::demonstration::{
-    DemonstrationSet, baselines_npz, d4rl, hdf5, imitation_npz, lerobot, minari, npz, robomimic,
+    DemonstrationSet, baselines_npz, d4rl, hdf5, imitation_npz, lerobot, minari, npz, pointer, robomimic,
 };
 use crate::data::trajectory::StateLog;
 
@@ -51,6 +52,36 @@ use crate::data::trajectory::StateLog;
 pub fn open(path: &Path, format: Option<Format>, columns: &Columns) -> Result<Source> {
     let found = located(path, format)?;
     read(&found, columns).map_err(|error| error.at(path))
+}
+
+/// The same, but only the episodes that are chosen.
+///
+/// # Errors
+/// As [`open`], and `is_bad_input` if an episode or a filter key is named that is not there.
+pub fn open_chosen(
+    path: &Path,
+    format: Option<Format>,
+    columns: &Columns,
+    choice: &Choice,
+) -> Result<Source> {
+    let found = located(path, format)?;
+    let chosen = || {
+        let source = read(&found, columns)?;
+        let of_key = match &choice.filter_key {
+            Some(name) if found.format == Format::Robomimic => {
+                Some(robomimic::filter_key(&found.path, name)?)
+            }
+            Some(name) => {
+                return Err(Error::bad_input(format!(
+                    "--filter-key {name}: only a robomimic file has filter keys, and this is stored as {}",
+                    found.format
+                )));
+            }
+            None => None,
+        };
+        choice::choose(source, choice, of_key.as_deref())
+    };
+    chosen().map_err(|error| error.at(path))
 }
 
 fn read(Located { path, format }: &Located, columns: &Columns) -> Result<Source> {
@@ -195,6 +226,7 @@ fn of_folder(path: &Path) -> Result<Format> {
 }
 
 fn of_file(path: &Path) -> Result<Format> {
+    pointer::refuse(path)?;
     let mut start = Vec::new();
     fs::File::open(path)
         .and_then(|file| file.take(8).read_to_end(&mut start))

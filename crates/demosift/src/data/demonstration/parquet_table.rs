@@ -5,9 +5,11 @@
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use parquet::basic::{Compression, Type as Physical};
+use parquet::basic::{Compression, LogicalType, Type as Physical};
 use parquet::column::reader::{ColumnReaderImpl, get_typed_column_reader};
-use parquet::data_type::{BoolType, DataType, DoubleType, FloatType, Int32Type, Int64Type};
+use parquet::data_type::{
+    BoolType, DataType, DoubleType, FixedLenByteArrayType, FloatType, Int32Type, Int64Type,
+};
 use parquet::errors::ParquetError;
 use parquet::file::metadata::ColumnChunkMetaData;
 use parquet::file::reader::{ChunkReader as _, FileReader as _, SerializedFileReader};
@@ -15,7 +17,9 @@ use parquet::schema::types::ColumnDescriptor;
 
 use crate::basics::error::{Error, Result};
 use crate::data::demonstration::episode::{side_by_side, trailing_number};
+use crate::data::demonstration::named::{Named, half, listed, option_for};
 use crate::data::demonstration::parquet_pages;
+use crate::data::demonstration::pointer;
 use crate::math::rows::Rows;
 
 /// A run of equal numbers takes a few bytes however long it is, so even a small file may hold this many.
@@ -75,6 +79,7 @@ impl Table {
         let file = File::open(path).map_err(failed)?;
         let file_len = file.metadata().map_err(failed)?.len();
         let most_numbers = file_len.saturating_mul(MOST_NUMBERS_A_BYTE).max(FEW_NUMBERS);
+        pointer::refuse(path)?;
         let same = file.try_clone().map_err(failed)?;
         let reader = SerializedFileReader::new(same).map_err(|source| damaged(source).at(path))?;
         for group in reader.metadata().row_groups() {
@@ -121,7 +126,10 @@ impl Table {
     /// # Errors
     /// `is_bad_input` if there is no such column, it holds something else, or the columns differ in length.
     pub(super) fn floats_side_by_side(&self, names: &[String]) -> Result<Rows> {
-        let tables = names.iter().map(|name| Ok((name.as_str(), self.floats(name)?)));
+        let tables = names.iter().map(|name| {
+            let named = if self.find(name).is_empty() { Named::new(name) } else { Named::new_whole(name) };
+            Ok((name.as_str(), named.part_of(self.floats(named.column)?)?))
+        });
         side_by_side(&tables.collect::<Result<Vec<_>>>()?)
     }
 
@@ -129,7 +137,18 @@ impl Table {
         let Column { values, width } = match self.physical(name)? {
             Physical::FLOAT => self.column::<FloatType, f32>(name, |value| value)?,
             Physical::DOUBLE => self.column::<DoubleType, f32>(name, |value| value as f32)?,
-            other => return Err(wrong_type(name, other, "FLOAT or DOUBLE")),
+            Physical::INT32 => self.column::<Int32Type, f32>(name, |value| value as f32)?,
+            Physical::INT64 => self.column::<Int64Type, f32>(name, |value| value as f32)?,
+            Physical::BOOLEAN => self.column::<BoolType, f32>(name, |value| f32::from(u8::from(value)))?,
+            Physical::FIXED_LEN_BYTE_ARRAY if self.is_half(name)? => self
+                .column::<FixedLenByteArrayType, f32>(name, |value| match *value.data() {
+                    [low, high] => half(u16::from_le_bytes([low, high])),
+                    _ => f32::NAN,
+                })?,
+            Physical::BYTE_ARRAY => {
+                return Err(Error::bad_input(format!("'{name}' holds text or images; wanted numbers")));
+            }
+            other => return Err(wrong_type(name, other, "numbers")),
         };
         Rows::from_flat(values, width).map_err(|error| error.during(name))
     }
@@ -168,6 +187,12 @@ impl Table {
         Ok(self.reader.metadata().file_metadata().schema_descr().column(self.index(name)?).physical_type())
     }
 
+    fn is_half(&self, name: &str) -> Result<bool> {
+        let schema = self.reader.metadata().file_metadata().schema_descr();
+        let column = schema.column(self.index(name)?);
+        Ok(column.type_length() == 2 && column.logical_type_ref() == Some(&LogicalType::Float16))
+    }
+
     /// Position of a column among those that hold numbers.
     fn index(&self, name: &str) -> Result<usize> {
         let columns = self.reader.metadata().file_metadata().schema_descr().columns();
@@ -177,7 +202,9 @@ impl Table {
             [] => {
                 let mut known: Vec<String> = columns.iter().map(|column| shown(column)).collect();
                 known.dedup();
-                Err(Error::bad_input(format!("there is no column '{name}'; there are: {}", known.join(", "))))
+                let hint = option_for(known.iter().map(String::as_str));
+                let message = format!("there is no column '{name}'; there are: {}", listed(&known));
+                Err(Error::bad_input(message).with_hint(hint))
             }
             _ => Err(Error::bad_input(format!(
                 "'{name}' has several parts ({}); name those that are wanted",
