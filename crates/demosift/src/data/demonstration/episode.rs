@@ -38,11 +38,17 @@ pub enum Format {
     BaselinesNpz,
     /// `obs`, `acts`, `indices` in a npz file.
     ImitationNpz,
+    /// `obs`, `actions`, `episode_starts` in a npz file.
+    StableBaselinesNpz,
+    /// A group `traj_<i>` an episode in HDF5; see [`minari`](super::minari), which it is like.
+    ManiSkill,
+    /// A folder with a HDF5 file `episode_<i>.hdf5` an episode; see [`aloha`](super::aloha).
+    Aloha,
 }
 
 impl Format {
     /// All of them.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 11] = [
         Self::D4rl,
         Self::LeRobotV3,
         Self::LeRobotV2,
@@ -51,6 +57,9 @@ impl Format {
         Self::Robomimic,
         Self::BaselinesNpz,
         Self::ImitationNpz,
+        Self::StableBaselinesNpz,
+        Self::ManiSkill,
+        Self::Aloha,
     ];
 
     /// The name by which a user asks for it.
@@ -64,6 +73,9 @@ impl Format {
             Self::Robomimic => "robomimic",
             Self::BaselinesNpz => "baselines-npz",
             Self::ImitationNpz => "imitation-npz",
+            Self::StableBaselinesNpz => "stable-baselines-npz",
+            Self::ManiSkill => "maniskill",
+            Self::Aloha => "aloha",
         }
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! A demonstration carries no reward, stage or origin, so nothing that judges can learn where it came from.
 
+mod aloha;
 mod baselines_npz;
 pub mod choice;
 pub mod d4rl;
@@ -17,8 +18,10 @@ pub mod open;
 mod parquet_pages;
 mod parquet_table;
 mod parquet_writing;
+mod parquet_zstd;
 mod pointer;
 pub mod robomimic;
+mod stable_baselines_npz;
 
 use crate::basics::error::{Error, Result};
 use crate::math::rows::Rows;

@@ -10,7 +10,9 @@ use crate::basics::error::{Error, Result};
 use crate::basics::files;
 use crate::data::demonstration::choice::{self, Choice};
 use crate::data::demonstration::episode::{Columns, Format, MINARI_HDF5, RECORDED, Source};
+use crate::data::demonstration::named::listed;
 use crate::data::demonstration::{
+    aloha, stable_baselines_npz,
     DemonstrationSet, baselines_npz, d4rl, hdf5, imitation_npz, lerobot, minari, npz, pointer, robomimic,
 };
 use crate::data::trajectory::StateLog;
@@ -93,6 +95,9 @@ fn read(Located { path, format }: &Located, columns: &Columns) -> Result<Source>
         Format::Robomimic => robomimic::read_source(path, columns),
         Format::BaselinesNpz => baselines_npz::read_source(path, columns),
         Format::ImitationNpz => imitation_npz::read_source(path, columns),
+        Format::StableBaselinesNpz => stable_baselines_npz::read_source(path, columns),
+        Format::ManiSkill => minari::read_maniskill(path, columns),
+        Format::Aloha => aloha::read_source(path, columns),
     }
 }
 
@@ -113,6 +118,7 @@ pub fn files(path: &Path, format: Option<Format>) -> Result<Vec<PathBuf>> {
     match format {
         Format::LeRobotV3 | Format::LeRobotV2 => lerobot::files(&entry),
         Format::MinariParquet => minari::parquet_files(&entry),
+        Format::Aloha => aloha::files(&entry),
         _ => Ok(vec![entry]),
     }
 }
@@ -172,9 +178,10 @@ fn locate(path: &Path, format: Option<Format>) -> Result<Located> {
     Ok(Located { path: entry(path, format)?, format })
 }
 
-const KNOWN: &str = "known are: HDF5 files of D4RL, robomimic and Minari; npz files of baselines and imitation; \
-                     folders of LeRobot (meta/info.json), Minari (data/main_data.hdf5 or data/metadata.json) \
-                     and demosift (demonstrations.hdf5)";
+const KNOWN: &str = "known are: HDF5 files of D4RL, robomimic, Minari and ManiSkill; npz files of baselines, stable-baselines \
+                     and imitation; folders of LeRobot (meta/info.json), Minari (data/main_data.hdf5 or data/metadata.json), \
+                     ALOHA (episode_0.hdf5) and demosift (demonstrations.hdf5); docs/formats.md shows how to write your own \
+                     arrays";
 
 /// The format of what lies there.
 ///
@@ -201,7 +208,12 @@ fn entry(path: &Path, format: Format) -> Result<PathBuf> {
         Format::MinariHdf5 => folder_of_data(MINARI_HDF5).join(MINARI_HDF5),
         Format::MinariParquet => folder_of_data("metadata.json"),
         Format::LeRobotV3 | Format::LeRobotV2 => path.to_owned(),
-        Format::Robomimic | Format::BaselinesNpz | Format::ImitationNpz => {
+        Format::Aloha => path.to_owned(),
+        Format::Robomimic
+        | Format::BaselinesNpz
+        | Format::ImitationNpz
+        | Format::StableBaselinesNpz
+        | Format::ManiSkill => {
             return Err(Error::bad_input(format!(
                 "this is a folder; a demonstration set in {format} is a file"
             )));
@@ -219,10 +231,31 @@ fn of_folder(path: &Path) -> Result<Format> {
         Ok(Format::MinariParquet)
     } else if path.join(RECORDED).exists() {
         Ok(Format::D4rl)
+    } else if aloha::files(path).is_ok() {
+        Ok(Format::Aloha)
     } else {
-        Err(Error::bad_input(format!("this folder holds no {RECORDED}, so it is no demonstration set"))
-            .with_hint(KNOWN))
+        Err(of_no_folder(path))
     }
+}
+
+/// A folder that is none of the known ones; says what it is, where another tool is known to write such.
+fn of_no_folder(path: &Path) -> Error {
+    let has = |name: &str| path.join(name).exists();
+    if has("dataset_info.json") || has("dataset_dict.json") || has("state.json") {
+        return Error::bad_input(
+            "this is a folder of the `datasets` package (imitation 1.0 saves such), which is not read; wanted a file",
+        )
+        .with_hint(
+            "in Python, with imitation: import numpy as np; from imitation.data import serialize; ts = serialize.load(FOLDER); \
+             np.savez(\"set.npz\", obs=np.concatenate([t.obs for t in ts]), acts=np.concatenate([t.acts for t in ts]), \
+             indices=np.cumsum([len(t.acts) for t in ts])[:-1])",
+        );
+    }
+    if has(".zgroup") || has("zarr.json") {
+        return Error::bad_input("this is a zarr store, which is not read; wanted a file or folder of a known format")
+            .with_hint("docs/formats.md shows in ten lines how arrays become a file that is read");
+    }
+    Error::bad_input(format!("this folder holds no {RECORDED}, so it is no demonstration set")).with_hint(KNOWN)
 }
 
 fn of_file(path: &Path) -> Result<Format> {
@@ -251,9 +284,14 @@ fn of_file(path: &Path) -> Result<Format> {
     }
     let opened = hdf5::open(path)?;
     let groups = opened.file.root().groups().map_err(hdf5::damaged)?;
-    if groups.iter().any(|name| name == "data") {
+    let is_numbered = |prefix: &str| groups.iter().any(|name| name.starts_with(prefix));
+    if groups.iter().any(|name| name == "data") || is_numbered("demo_") {
         Ok(Format::Robomimic)
-    } else if groups.iter().any(|name| name.starts_with("episode_")) {
+    } else if is_numbered("traj_") {
+        Ok(Format::ManiSkill)
+    } else if aloha::is_episode(path) && groups.iter().any(|name| name == "observations") {
+        Err(Error::bad_input("this is one episode of a data set like those of ALOHA; wanted the folder of all"))
+    } else if is_numbered("episode_") {
         Ok(Format::MinariHdf5)
     } else {
         // Its reader says what is missing.
@@ -267,10 +305,14 @@ fn of_npz(names: &[String]) -> Result<Format> {
         Ok(Format::ImitationNpz)
     } else if has("acs") {
         Ok(Format::BaselinesNpz)
+    } else if has("episode_starts") {
+        Ok(Format::StableBaselinesNpz)
     } else {
         Err(Error::bad_input(format!(
-            "this npz file holds neither 'acs' (baselines) nor 'acts' (imitation); it holds: {}",
-            names.join(", ")
-        )))
+            "this npz file holds neither 'acs' (baselines) nor 'acts' (imitation) nor 'episode_starts' (stable-baselines); it \
+             holds: {}",
+            listed(names)
+        ))
+        .with_hint("docs/formats.md shows in ten lines how arrays become a file that is read"))
     }
 }

@@ -19,6 +19,7 @@ use crate::basics::error::{Error, Result};
 use crate::data::demonstration::episode::{side_by_side, trailing_number};
 use crate::data::demonstration::named::{Named, half, listed, option_for};
 use crate::data::demonstration::parquet_pages;
+use crate::data::demonstration::parquet_zstd::Pages;
 use crate::data::demonstration::pointer;
 use crate::math::rows::Rows;
 
@@ -26,6 +27,8 @@ use crate::math::rows::Rows;
 const FEW_NUMBERS: u64 = 1 << 22;
 /// More numbers a byte are a claim that no data set makes.
 const MOST_NUMBERS_A_BYTE: u64 = 64;
+/// A page of zstd may hold this many bytes, however few it was compressed to; writers make pages of 1 MiB.
+const MOST_BYTES_OF_A_FEW: u64 = 1 << 24;
 /// Rows that are decoded at a time.
 const BATCH: usize = 4096;
 
@@ -227,7 +230,13 @@ impl Table {
             self.check_pages(group.metadata().column(index), name)?;
             let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
             let descriptor = group.metadata().column(index).column_descr_ptr();
-            let reader = get_typed_column_reader::<T>(group.get_column_reader(index).map_err(damaged)?);
+            let column_chunk = group.metadata().column(index);
+            let reader = if matches!(column_chunk.compression(), Compression::ZSTD(_)) {
+                let pages = Pages::new(self.chunk(column_chunk)?.to_vec());
+                ColumnReaderImpl::<T>::new(descriptor.clone(), Box::new(pages))
+            } else {
+                get_typed_column_reader::<T>(group.get_column_reader(index).map_err(damaged)?)
+            };
             read_rows(
                 reader,
                 &descriptor,
@@ -240,19 +249,24 @@ impl Table {
         Ok(column)
     }
 
+    fn chunk(&self, column: &ColumnChunkMetaData) -> Result<impl std::ops::Deref<Target = [u8]> + use<>> {
+        let (start, len) = column.byte_range();
+        self.file.get_bytes(start, usize::try_from(len).unwrap_or(0)).map_err(damaged)
+    }
+
     /// Refuses pages that claim more than they can hold, before the decoder believes them.
     fn check_pages(&self, column: &ColumnChunkMetaData, name: &str) -> Result<()> {
         let compression = column.compression();
-        if matches!(compression, Compression::ZSTD(_) | Compression::BROTLI(_) | Compression::LZO) {
+        if matches!(compression, Compression::BROTLI(_) | Compression::LZO) {
             return Err(Error::bad_input(format!(
-                "column '{name}' is compressed by {compression}; wanted SNAPPY, GZIP, LZ4 or no compression"
+                "column '{name}' is compressed by {compression}; wanted SNAPPY, GZIP, LZ4, ZSTD or no compression"
             ))
             .with_hint("pyarrow.parquet.write_table(..., compression=\"snappy\") writes the table anew"));
         }
-        let (start, len) = column.byte_range();
-        let chunk = self.file.get_bytes(start, usize::try_from(len).unwrap_or(0)).map_err(damaged)?;
+        let free = if matches!(compression, Compression::ZSTD(_)) { MOST_BYTES_OF_A_FEW } else { 0 };
+        let chunk = self.chunk(column)?;
         let claimed = u64::try_from(column.num_values()).unwrap_or(0);
-        match parquet_pages::claims(&chunk) {
+        match parquet_pages::claims(&chunk, free) {
             Some(claims) if claims.values <= claimed && claims.most_values <= self.most_numbers => Ok(()),
             _ => Err(Error::bad_input(format!(
                 "the parquet file is damaged: the pages of column '{name}' claim more than they can hold"
