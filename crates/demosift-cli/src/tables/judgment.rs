@@ -2,7 +2,7 @@
 
 use demosift::data::demonstration::{DemoId, DemonstrationSet};
 use demosift::math::agreement;
-use demosift::results::data_only::DataOnly;
+use demosift::results::data_only::{Column, DataOnly};
 use demosift::results::panel::Judge;
 use demosift::results::uncertainty::Uncertainty;
 use demosift::stages::judge::ScoreTable;
@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use crate::own_heuristic::Beside;
 
-use super::{Scale, is_kept, list, percent, table, wrapped};
+use super::{Scale, WIDTH, is_kept, list, percent, table, wrapped};
 
 /// What is shown of a judgment.
 pub(crate) struct Judgment<'a> {
@@ -178,6 +178,31 @@ pub(crate) fn beside(ranking: &Ranking, Beside { data_only, unusable }: &Beside)
     if columns.is_empty() {
         return unusable;
     }
+    let tables =
+        side_by_side(columns).map(|columns| opinions(ranking, columns)).collect::<Vec<_>>().join("\n");
+    let what = "What the recordings alone say (higher is better by each scorer's lights; none of it enters the \
+                ranking), and the rank correlation of each with the gain:";
+    format!("\n{}\n\n{tables}{unusable}", wrapped(what))
+}
+
+/// As many columns as fit beside each other, table by table.
+fn side_by_side(columns: &[Column]) -> impl Iterator<Item = &[Column]> {
+    let width = |column: &Column| column.name.chars().count().max(9) + 3;
+    let mut start = 0;
+    std::iter::from_fn(move || {
+        let mut end = start;
+        let mut used = "  demonstration".len();
+        while end < columns.len() && (end == start || used + width(&columns[end]) <= WIDTH) {
+            used += width(&columns[end]);
+            end += 1;
+        }
+        let found = (end > start).then(|| &columns[start..end]);
+        start = end;
+        found
+    })
+}
+
+fn opinions(ranking: &Ranking, columns: &[Column]) -> String {
     let header: Vec<&str> =
         ["demonstration"].into_iter().chain(columns.iter().map(|column| column.name.as_str())).collect();
     let mut rows: Vec<Vec<String>> = Vec::with_capacity(ranking.entries.len() + 1);
@@ -190,9 +215,7 @@ pub(crate) fn beside(ranking: &Ranking, Beside { data_only, unusable }: &Beside)
     let written =
         agreements.map(|value| if value.is_nan() { "-".to_owned() } else { format!("{value:+.2}") });
     rows.push(["Spearman".to_owned()].into_iter().chain(written).collect());
-    let what = "What the recordings alone say (higher is better by each scorer's lights; none of it enters the \
-                ranking), and the rank correlation of each with the gain:";
-    format!("\n{}\n\n{}{unusable}", wrapped(what), table(&header, &rows))
+    table(&header, &rows)
 }
 
 /// Spearman's rank correlation of a column, in the order of the set, with the gains of a ranking.
@@ -204,7 +227,7 @@ fn agreement(ranking: &Ranking, scores: &[f64]) -> f64 {
 
 /// The columns with their agreement.
 pub(crate) fn data_only_json(ranking: &Ranking, data_only: &DataOnly) -> Value {
-    let column = |column: &demosift::results::data_only::Column| {
+    let column = |column: &Column| {
         let spearman = agreement(ranking, &column.scores);
         json!({ "name": column.name, "meaning": column.meaning, "scores": column.scores, "spearman": spearman })
     };
@@ -228,7 +251,6 @@ fn significant(value: f64) -> String {
 mod tests {
     use super::*;
     use demosift::basics::seed::Seed;
-    use demosift::results::data_only::Column;
     use demosift::results::uncertainty::Doubt;
     use demosift::stages::select::Ranked;
     use demosift::world::point_mass::planted_set;
@@ -289,7 +311,16 @@ mod tests {
             meaning: String::new(),
             scores: vec![-1234.5, 0.25, 2.0],
         };
-        let names = ["length", "jerk", "action range", "mutual information", "cloning loss", "heuristic"];
+        let names = [
+            "length",
+            "jerk",
+            "action range",
+            "mutual information",
+            "cloning loss",
+            "arc length",
+            "fast power",
+            "heuristic",
+        ];
         let data_only = DataOnly { columns: names.map(column).to_vec() };
         let opinions = Beside { data_only, unusable: None };
         let said = beside(&ranking, &opinions);

@@ -5,7 +5,8 @@ use std::path::Path;
 use hdf5_pure::{DType, Dataset, Datatype, DatatypeByteOrder, File, FormatError, Group, Layout};
 
 use crate::basics::error::{Error, Result};
-use crate::data::demonstration::episode::{side_by_side, trailing_number};
+use crate::data::demonstration::episode::{Columns, side_by_side, trailing_number};
+use crate::data::demonstration::listing::ColumnSeen;
 use crate::data::demonstration::named::{Named, half, listed, option_for};
 use crate::data::demonstration::pointer;
 use crate::math::rows::Rows;
@@ -249,6 +250,55 @@ fn claims_too_much(name: &str, shape: &[u64], file_len: u64) -> Error {
         "'{name}' claims shape {shape:?}, more than a file of {file_len} bytes can hold"
     ))
     .with_hint("the file is damaged or was not copied completely")
+}
+
+/// Groups in groups that are followed; nobody nests deeper.
+const DEEPEST: usize = 8;
+/// More columns are a flood that nobody reads.
+const MOST_COLUMNS: usize = 1000;
+
+/// All datasets below a group, in alphabetical order.
+///
+/// # Errors
+/// `is_bad_input` if the file is damaged.
+pub(super) fn list(group: &Group, read: &Columns) -> Result<Vec<ColumnSeen>> {
+    let mut seen = Vec::new();
+    list_below(group, "", DEEPEST, read, &mut seen)?;
+    Ok(seen)
+}
+
+fn list_below(
+    group: &Group,
+    path: &str,
+    deepest: usize,
+    read: &Columns,
+    seen: &mut Vec<ColumnSeen>,
+) -> Result<()> {
+    let mut names = group.datasets().map_err(damaged)?;
+    names.sort();
+    for name in names {
+        if seen.len() >= MOST_COLUMNS {
+            return Ok(());
+        }
+        let dataset = group.dataset(&name).map_err(damaged)?;
+        let (shape, element) = (dataset.shape().map_err(damaged)?, dataset.dtype().map_err(damaged)?);
+        let kind = match &element {
+            DType::Enum(_) if is_number(&element) => "bool".to_owned(),
+            DType::Other(_) if is_number(&element) => "f16".to_owned(),
+            DType::String | DType::VariableLengthString => "text".to_owned(),
+            other => other.to_string(),
+        };
+        seen.push(ColumnSeen::new(format!("{path}{name}"), Some(shape), kind, is_number(&element), read));
+    }
+    let mut groups = group.groups().map_err(damaged)?;
+    groups.sort();
+    for name in groups {
+        if deepest > 0 && seen.len() < MOST_COLUMNS {
+            let inner = group.group(&name).map_err(damaged)?;
+            list_below(&inner, &format!("{path}{name}/"), deepest - 1, read, seen)?;
+        }
+    }
+    Ok(())
 }
 
 /// The dataset of this name, directly in the group, if it is there.

@@ -1,11 +1,15 @@
 //! What a file of demonstrations holds, at a glance: what one looks at before learning from it.
 
+mod looks;
+
 use serde::Serialize;
 
 use crate::data::demonstration::DemoId;
 use crate::data::demonstration::choice;
 use crate::data::demonstration::episode::{Columns, Episode, Format, LeftOut, Source};
 use crate::math::rows::Rows;
+
+pub use looks::{Look, looks};
 
 /// What is seen in a file.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -79,7 +79,8 @@ pub(super) fn read_hdf5(path: &Path, columns: &Columns) -> Result<Source> {
 /// # Errors
 /// As [`read_hdf5`].
 pub(super) fn read_maniskill(path: &Path, columns: &Columns) -> Result<Source> {
-    let layout = Layout { format: Format::ManiSkill, group: "traj_", observations: "obs", actions: "actions" };
+    let layout =
+        Layout { format: Format::ManiSkill, group: "traj_", observations: "obs", actions: "actions" };
     read_groups(path, columns, &layout).map_err(|error| {
         error.with_hint(
             "python -m mani_skill.trajectory.replay_trajectory --traj-path FILE -o state --save-traj writes observations as \

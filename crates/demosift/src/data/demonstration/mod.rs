@@ -11,6 +11,7 @@ mod hdf5;
 mod imitation_npz;
 pub mod inspection;
 pub mod lerobot;
+pub mod listing;
 pub mod minari;
 mod named;
 mod npz;

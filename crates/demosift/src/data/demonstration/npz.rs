@@ -10,7 +10,9 @@ use zip::ZipArchive;
 use zip::result::ZipError;
 
 use crate::basics::error::{Error, Result};
+use crate::data::demonstration::episode::Columns;
 use crate::data::demonstration::hdf5::MOST_COMPRESSION;
+use crate::data::demonstration::listing::ColumnSeen;
 use crate::data::demonstration::named::{Named, half, listed, option_for};
 use crate::data::demonstration::pointer;
 use crate::math::rows::Rows;
@@ -101,6 +103,26 @@ impl Npz {
             }
         };
         Ok(Array { values, shape: header.shape })
+    }
+
+    /// All arrays with what their headers say; one without a header that can be read is left out.
+    pub(super) fn list(&mut self, read: &Columns) -> Vec<ColumnSeen> {
+        let mut seen = Vec::new();
+        for name in self.names() {
+            let mut start = Vec::new();
+            let Ok(entry) = self.archive.by_name(&format!("{name}.npy")) else { continue };
+            if entry.take(LONGEST_HEADER as u64 + 12).read_to_end(&mut start).is_err() {
+                continue;
+            }
+            let (shape, kind) = match Header::parse(&name, &start) {
+                Ok(header) => (Some(header.shape.iter().map(|&len| len as u64).collect()), header.element),
+                Err(_) => (None, "Python objects".to_owned()),
+            };
+            let of_numbers =
+                matches!(kind.get(1..2), Some("f" | "i" | "u" | "b")) && kind != "Python objects";
+            seen.push(ColumnSeen::new(name, shape, kind, of_numbers, read));
+        }
+        seen
     }
 
     /// Header and elements of an array, after checking that both fit each other and the file.

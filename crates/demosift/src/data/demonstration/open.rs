@@ -10,10 +10,12 @@ use crate::basics::error::{Error, Result};
 use crate::basics::files;
 use crate::data::demonstration::choice::{self, Choice};
 use crate::data::demonstration::episode::{Columns, Format, MINARI_HDF5, RECORDED, Source};
+use crate::data::demonstration::listing::ColumnSeen;
 use crate::data::demonstration::named::listed;
+use crate::data::demonstration::parquet_table::Table;
 use crate::data::demonstration::{
-    aloha, stable_baselines_npz,
-    DemonstrationSet, baselines_npz, d4rl, hdf5, imitation_npz, lerobot, minari, npz, pointer, robomimic,
+    DemonstrationSet, aloha, baselines_npz, d4rl, hdf5, imitation_npz, lerobot, minari, npz, pointer,
+    robomimic, stable_baselines_npz,
 };
 use crate::data::trajectory::StateLog;
 
@@ -98,6 +100,42 @@ fn read(Located { path, format }: &Located, columns: &Columns) -> Result<Source>
         Format::StableBaselinesNpz => stable_baselines_npz::read_source(path, columns),
         Format::ManiSkill => minari::read_maniskill(path, columns),
         Format::Aloha => aloha::read_source(path, columns),
+    }
+}
+
+/// Every column that the file or folder of a source holds, as far as it can be told; those of the first episode where each has
+/// its own.
+///
+/// # Errors
+/// As [`open`].
+pub fn columns(path: &Path, source: &Source) -> Result<Vec<ColumnSeen>> {
+    let (path, read) = (locate(path, Some(source.format))?.path, &source.columns);
+    let first = source.episodes.first().map_or("0", |episode| &episode.label);
+    let in_group = |path: &Path, group: &str| {
+        let opened = hdf5::open(path)?;
+        let root = opened.file.root();
+        if group.is_empty() {
+            return hdf5::list(&root, read);
+        }
+        hdf5::list(&root.group(group).map_err(hdf5::damaged)?, read)
+    };
+    match source.format {
+        Format::D4rl => in_group(&path, ""),
+        Format::LeRobotV3 | Format::LeRobotV2 => lerobot::list(&path, read),
+        Format::MinariHdf5 => in_group(&path, &format!("episode_{first}")),
+        Format::ManiSkill => in_group(&path, &format!("traj_{first}")),
+        Format::Robomimic => robomimic::list(&path, first, read),
+        Format::MinariParquet => match minari::parquet_files(&path)?.first() {
+            Some(file) => Ok(Table::open(file)?.list(read)),
+            None => Ok(Vec::new()),
+        },
+        Format::BaselinesNpz | Format::ImitationNpz | Format::StableBaselinesNpz => {
+            Ok(npz::open(&path)?.list(read))
+        }
+        Format::Aloha => match aloha::files(&path)?.first() {
+            Some(file) => in_group(file, ""),
+            None => Ok(Vec::new()),
+        },
     }
 }
 
@@ -252,10 +290,13 @@ fn of_no_folder(path: &Path) -> Error {
         );
     }
     if has(".zgroup") || has("zarr.json") {
-        return Error::bad_input("this is a zarr store, which is not read; wanted a file or folder of a known format")
-            .with_hint("docs/formats.md shows in ten lines how arrays become a file that is read");
+        return Error::bad_input(
+            "this is a zarr store, which is not read; wanted a file or folder of a known format",
+        )
+        .with_hint("docs/formats.md shows in ten lines how arrays become a file that is read");
     }
-    Error::bad_input(format!("this folder holds no {RECORDED}, so it is no demonstration set")).with_hint(KNOWN)
+    Error::bad_input(format!("this folder holds no {RECORDED}, so it is no demonstration set"))
+        .with_hint(KNOWN)
 }
 
 fn of_file(path: &Path) -> Result<Format> {
@@ -290,7 +331,9 @@ fn of_file(path: &Path) -> Result<Format> {
     } else if is_numbered("traj_") {
         Ok(Format::ManiSkill)
     } else if aloha::is_episode(path) && groups.iter().any(|name| name == "observations") {
-        Err(Error::bad_input("this is one episode of a data set like those of ALOHA; wanted the folder of all"))
+        Err(Error::bad_input(
+            "this is one episode of a data set like those of ALOHA; wanted the folder of all",
+        ))
     } else if is_numbered("episode_") {
         Ok(Format::MinariHdf5)
     } else {

@@ -16,7 +16,8 @@ use parquet::file::reader::{ChunkReader as _, FileReader as _, SerializedFileRea
 use parquet::schema::types::ColumnDescriptor;
 
 use crate::basics::error::{Error, Result};
-use crate::data::demonstration::episode::{side_by_side, trailing_number};
+use crate::data::demonstration::episode::{Columns, side_by_side, trailing_number};
+use crate::data::demonstration::listing::ColumnSeen;
 use crate::data::demonstration::named::{Named, half, listed, option_for};
 use crate::data::demonstration::parquet_pages;
 use crate::data::demonstration::parquet_zstd::Pages;
@@ -111,6 +112,30 @@ impl Table {
     /// Whether there is such a column.
     pub(super) fn has(&self, name: &str) -> bool {
         self.find(name).len() == 1
+    }
+
+    /// All columns; how many numbers a row has stands nowhere.
+    pub(super) fn list(&self, read: &Columns) -> Vec<ColumnSeen> {
+        let columns = self.reader.metadata().file_metadata().schema_descr().columns();
+        let seen = columns.iter().map(|column| {
+            let (kind, of_numbers) = match column.physical_type() {
+                Physical::FLOAT => ("f32", true),
+                Physical::DOUBLE => ("f64", true),
+                Physical::INT32 => ("i32", true),
+                Physical::INT64 => ("i64", true),
+                Physical::BOOLEAN => ("bool", true),
+                Physical::FIXED_LEN_BYTE_ARRAY
+                    if column.logical_type_ref() == Some(&LogicalType::Float16) =>
+                {
+                    ("f16", true)
+                }
+                Physical::BYTE_ARRAY => ("text or image", false),
+                _ => ("other", false),
+            };
+            let list = if column.max_rep_level() > 0 { "list of " } else { "" };
+            ColumnSeen::new(shown(column), None, format!("{list}{kind}"), of_numbers, read)
+        });
+        seen.collect()
     }
 
     /// Each name with the columns below it, in alphabetical order where it is a dictionary, in place of itself.

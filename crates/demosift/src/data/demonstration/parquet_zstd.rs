@@ -37,7 +37,8 @@ impl PageReader for Pages {
     fn get_next_page(&mut self) -> Result<Option<Page>> {
         while self.at < self.chunk.len() {
             let rest = &self.chunk[self.at..];
-            let (header, bytes, len) = parquet_pages::page(rest).ok_or_else(|| broken("a page has no header"))?;
+            let (header, bytes, len) =
+                parquet_pages::page(rest).ok_or_else(|| broken("a page has no header"))?;
             self.at += len;
             let values = u32::try_from(header.values).map_err(|_| broken("a page is too large"))?;
             let encoding = encoding(header.encoding)?;
@@ -58,7 +59,8 @@ impl PageReader for Pages {
                 },
                 Kind::DataV2 { gaps, rows, definition_len, repetition_len, is_compressed } => {
                     // The levels stand before the numbers and are never compressed.
-                    let levels = usize::try_from(definition_len.saturating_add(repetition_len)).unwrap_or(usize::MAX);
+                    let levels =
+                        usize::try_from(definition_len.saturating_add(repetition_len)).unwrap_or(usize::MAX);
                     let (levels, numbers) =
                         bytes.split_at_checked(levels).ok_or_else(|| broken("levels are cut off"))?;
                     let left = header
@@ -158,8 +160,8 @@ mod tests {
 
     /// Written by `pyarrow.Codec("zstd").compress(bytes(200000))` of pyarrow 26.0.1: a frame that says its size.
     const ZEROS: [u8; 26] = [
-        0x28, 0xb5, 0x2f, 0xfd, 0xa0, 0x40, 0x0d, 0x03, 0x00, 0x54, 0x00, 0x00, 0x10, 0x00, 0x00, 0x01, 0x00, 0xfb, 0xff,
-        0x39, 0xc0, 0x02, 0x03, 0x6a, 0x08, 0x00,
+        0x28, 0xb5, 0x2f, 0xfd, 0xa0, 0x40, 0x0d, 0x03, 0x00, 0x54, 0x00, 0x00, 0x10, 0x00, 0x00, 0x01, 0x00,
+        0xfb, 0xff, 0x39, 0xc0, 0x02, 0x03, 0x6a, 0x08, 0x00,
     ];
 
     #[test]

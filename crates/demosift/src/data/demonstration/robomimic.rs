@@ -18,6 +18,7 @@ use hdf5_pure::{DType, File, Group};
 use crate::basics::error::{Error, Result};
 use crate::data::demonstration::episode::{Columns, Episode, Format, Source};
 use crate::data::demonstration::hdf5::{self, damaged, find_below, find_group};
+use crate::data::demonstration::listing::ColumnSeen;
 use crate::data::demonstration::named::{Named, listed};
 
 const OBSERVATIONS: &str = "obs/";
@@ -58,6 +59,20 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
     });
     let episodes = Episode::all_or_some(episodes.collect())?;
     Ok(Source { not_read, ..Source::new(Format::Robomimic, columns, episodes) })
+}
+
+/// All columns of the first episode.
+///
+/// # Errors
+/// As [`read_source`].
+pub(super) fn list(path: &Path, label: &str, read: &Columns) -> Result<Vec<ColumnSeen>> {
+    let opened = hdf5::open(path)?;
+    let root = opened.file.root();
+    let data = match find_group(&root, "data")? {
+        Some(data) => data,
+        None => root,
+    };
+    hdf5::list(&data.group(label).map_err(damaged)?, read)
 }
 
 /// Names of the episodes by their numbers, at least one; and what is said of other groups.
