@@ -311,7 +311,9 @@ fn what_is_written_is_read_again() {
         .collect();
 
     let path = scratch.0.join("lerobot");
-    lerobot::write(&path, &original.episodes, Some(&states), 50, "reach").unwrap();
+    let described =
+        lerobot::Described { steps_per_sec: 50, tasks: vec!["reach".to_owned()], ..Default::default() };
+    lerobot::write(&path, &original.episodes, Some(&states), &described).unwrap();
     let again = read(&path).unwrap();
     assert_eq!(again.format, Format::LeRobotV3);
     assert_eq!(again.set().unwrap(), original.set().unwrap());

@@ -37,7 +37,7 @@ pub(crate) fn run(arguments: &ExportArguments) -> Result<()> {
     // Not everything needs the demonstrations, which may be gone.
     let kept = || open(&arguments.run);
     match arguments.form {
-        Form::LerobotEpisodes => say(&format!("{}\n", episode_list(&kept()?)?), arguments),
+        Form::LerobotEpisodes => write_episode_list(&kept()?, arguments),
         Form::Json => say(&format!("{:#}\n", as_json(&kept()?)?), arguments),
         Form::Csv => say(&as_csv(&kept()?)?, arguments),
         Form::Lerobot => write_lerobot(&kept()?, arguments),
@@ -49,13 +49,25 @@ pub(crate) fn run(arguments: &ExportArguments) -> Result<()> {
 
 fn write_lerobot(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     let out = folder(arguments)?;
-    let steps_per_sec = convert::steps_per_sec(arguments.fps, Some(&kept.identity.task))?;
+    let Demonstrations { source, path, .. } = &kept.demonstrations;
+    let task = Some(kept.identity.task.as_str());
+    let mut described = convert::described(source, path, arguments.fps, task, &out)?;
+    if described.tasks.len() > 1 {
+        // Those of the kept alone.
+        let of_kept = source.ids.iter().zip(&described.tasks).filter(|(id, _)| kept.ids.contains(id));
+        described.tasks = of_kept.map(|(_, task)| task.clone()).collect();
+    }
     let states =
         demonstration::open::read_states(&kept.demonstrations.path, Some(kept.demonstrations.source.format))?;
     let (episodes, states) = convert::chosen(&kept.demonstrations.source, states.as_deref(), &kept.ids)?;
-    let task = convert::task_name(&kept.identity.task);
-    undisturbed(|| lerobot::write(&out, &episodes, states.as_deref(), steps_per_sec, &task))?;
-    written(kept, &out)
+    undisturbed(|| lerobot::write(&out, &episodes, states.as_deref(), &described))?;
+    written(kept, &out)?;
+    terminal::note(&format!(
+        "train on it: lerobot-train --dataset.repo_id=local/{} --dataset.root={} --policy.type=act",
+        out.file_name().unwrap_or_default().to_string_lossy(),
+        out.display()
+    ));
+    Ok(())
 }
 
 fn write_minari(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
@@ -104,6 +116,34 @@ fn open(run: &Path) -> Result<Kept> {
 /// What the file calls the kept demonstrations, in its order.
 fn labels(kept: &Kept) -> Vec<String> {
     kept.ids.iter().map(|&id| label(kept, id)).collect()
+}
+
+/// The list, which scripts take, and beside it the commands of LeRobot that use it.
+fn write_episode_list(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
+    let list = episode_list(kept)?;
+    say(&format!("{list}\n"), arguments)?;
+    let Demonstrations { source, path, .. } = &kept.demonstrations;
+    let root = path.display();
+    terminal::note(&format!(
+        "train on these: lerobot-train --dataset.repo_id=YOUR/SET --dataset.root={root} --dataset.episodes=\"{list}\" \
+         --policy.type=act"
+    ));
+    let is_kept = |label: &str| labels(kept).iter().any(|kept| kept == label);
+    let of_set = source.episodes.iter().map(|episode| &episode.label);
+    let mut rest: Vec<&str> = of_set
+        .chain(source.left_out.iter().map(|out| &out.label))
+        .map(String::as_str)
+        .filter(|label| !is_kept(label))
+        .collect();
+    rest.sort_by_key(|label| label.parse::<u64>().unwrap_or(u64::MAX));
+    if !rest.is_empty() {
+        terminal::note(&format!(
+            "delete the rest, in a new set: lerobot-edit-dataset --repo_id YOUR/SET --root {root} --new_repo_id YOUR/SET_kept \
+             --operation.type delete_episodes --operation.episode_indices \"[{}]\"",
+            rest.join(",")
+        ));
+    }
+    Ok(())
 }
 
 fn label(kept: &Kept, demo: DemoId) -> String {

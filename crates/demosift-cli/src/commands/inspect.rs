@@ -34,6 +34,7 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<()> {
         }
     });
     let wrong = set.as_ref().err().map(ToString::to_string);
+    let way = set.as_ref().err().and_then(demosift::Error::hint);
     if arguments.json {
         terminal::show_json(&json!({
             "path": path,
@@ -42,6 +43,7 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<()> {
             "episodes_by_oddness": looks,
             "learnable": wrong.is_none(),
             "why_not": wrong,
+            "way_out": way,
             "task": arguments.task,
             "fits_task": fits.as_ref().map(std::result::Result::is_ok),
             "why_it_does_not_fit": fits.as_ref().and_then(|fits| fits.as_ref().err()),
@@ -55,6 +57,7 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<()> {
     terminal::show(&each(&looks));
     if let Some(wrong) = wrong {
         terminal::show(&format!("\nNobody can learn from this set: {wrong}.\n"));
+        way.iter().for_each(|way| terminal::show(&format!("What can be done: {way}\n")));
     }
     if let (Some(fits), Some(task)) = (fits, &arguments.task) {
         terminal::show(&match fits {
@@ -204,6 +207,7 @@ fn columns_of_file(held: &[ColumnSeen]) -> String {
                 Used::Action => "action",
                 Used::Image => "left out: images are not read",
                 Used::NoNumbers => "left out: no numbers",
+                Used::NotThere => "described, and not in the tables",
                 Used::Not => "-",
             };
             vec![column.name.clone(), shape, column.kind.clone(), used.to_owned()]

@@ -191,6 +191,9 @@ impl Episode {
 
     /// Why it is no demonstration; `None` if it is one.
     pub fn fault(&self) -> Option<String> {
+        if self.actions.is_empty() && self.unreadable.is_none() {
+            return Some("it is empty, not a single step".to_owned());
+        }
         let checked = || Demonstration::check(&self.observations, &self.actions).err();
         self.unreadable.clone().or_else(|| checked().map(|error| error.to_string()))
     }

@@ -25,9 +25,11 @@ use crate::data::demonstration::parquet_table::{self, Table};
 use crate::data::demonstration::pointer;
 use crate::math::rows::Rows;
 
+mod description;
 mod states;
 mod writing;
 
+pub use description::{Described, description};
 pub use states::read_states;
 pub use writing::write;
 
@@ -42,6 +44,8 @@ struct Info {
     codebase_version: String,
     total_episodes: Option<usize>,
     total_frames: Option<usize>,
+    fps: Option<f64>,
+    robot_type: Option<String>,
     #[serde(default)]
     features: BTreeMap<String, Feature>,
 }
@@ -53,6 +57,8 @@ struct Feature {
     dtype: String,
     #[serde(default)]
     shape: Vec<u64>,
+    #[serde(default)]
+    names: serde_json::Value,
 }
 
 /// Which version of the layout a folder is of.
@@ -144,9 +150,11 @@ pub(super) fn list(path: &Path, read: &Columns) -> Result<Vec<ColumnSeen>> {
     for column in &mut seen {
         column.shape = info.features.get(&column.name).map(|feature| feature.shape.clone());
     }
-    for (name, Feature { dtype, shape }) in info.features {
+    for (name, Feature { dtype, shape, .. }) in info.features {
         if !seen.iter().any(|column| column.name == name) {
-            seen.push(ColumnSeen { name, shape: Some(shape), kind: dtype, used: Used::Image });
+            let is_image = dtype.contains("video") || dtype.contains("image");
+            let used = if is_image { Used::Image } else { Used::NotThere };
+            seen.push(ColumnSeen { name, shape: Some(shape), kind: dtype, used });
         }
     }
     Ok(seen)

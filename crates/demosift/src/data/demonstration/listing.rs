@@ -30,6 +30,8 @@ pub enum Used {
     Image,
     /// Not at all, and cannot be: it holds text or other things that are no numbers.
     NoNumbers,
+    /// Not at all: the description of the set names it, and its tables do not hold it.
+    NotThere,
     /// Not at all.
     Not,
 }

@@ -35,7 +35,11 @@ pub(super) fn option_for<'a>(names: impl IntoIterator<Item = &'a str> + Clone) -
         let mut found = words.iter().filter_map(|word| {
             names.clone().into_iter().find(|name| fits(name) && name.to_lowercase().contains(word))
         });
-        found.next().map_or_else(|| "NAME".to_owned(), |name| name.trim_end_matches('/').to_owned())
+        let Some(name) = found.next() else { return "NAME".to_owned() };
+        // What one column is split into is wanted together: observation.state.joints and observation.state.velocities.
+        let Some((whole, _)) = name.rsplit_once('.') else { return name.trim_end_matches('/').to_owned() };
+        let is_part = |part: &&str| fits(part) && part.rsplit_once('.').is_some_and(|(of, _)| of == whole);
+        names.clone().into_iter().filter(is_part).collect::<Vec<_>>().join(",")
     };
     format!(
         "name the columns: --observation-columns {} --action-columns {}",

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use parquet::basic::{Compression, LogicalType, Type as Physical};
 use parquet::column::reader::{ColumnReaderImpl, get_typed_column_reader};
 use parquet::data_type::{
-    BoolType, DataType, DoubleType, FixedLenByteArrayType, FloatType, Int32Type, Int64Type,
+    BoolType, ByteArrayType, DataType, DoubleType, FixedLenByteArrayType, FloatType, Int32Type, Int64Type,
 };
 use parquet::errors::ParquetError;
 use parquet::file::metadata::ColumnChunkMetaData;
@@ -209,6 +209,20 @@ impl Table {
             return Err(Error::bad_input(format!("'{name}' holds {width} numbers a row; wanted 1")));
         }
         Ok(values)
+    }
+
+    /// The first word of each row of a column of text.
+    ///
+    /// # Errors
+    /// As [`floats_side_by_side`](Self::floats_side_by_side); and `is_bad_input` if rows differ in how many words they have.
+    pub(super) fn words(&self, name: &str) -> Result<Vec<String>> {
+        let Column { values, width } = match self.physical(name)? {
+            Physical::BYTE_ARRAY => self.column::<ByteArrayType, String>(name, |value| {
+                String::from_utf8_lossy(value.data()).into_owned()
+            })?,
+            other => return Err(wrong_type(name, other, "text")),
+        };
+        Ok(values.into_iter().step_by(width.max(1)).collect())
     }
 
     fn physical(&self, name: &str) -> Result<Physical> {

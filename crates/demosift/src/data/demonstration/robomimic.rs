@@ -39,7 +39,7 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
         }
         None => return Err(hdf5::missing(&root, "data/")?),
     };
-    let (labels, not_read) = episode_names(&data)?;
+    let (labels, mut not_read) = episode_names(&data)?;
     let first = data.group(&labels[0]).map_err(damaged)?;
     let columns = Columns {
         observations: if columns.observations.is_empty() {
@@ -49,6 +49,7 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
         },
         ..columns.or("", "actions")
     };
+    not_read.extend(left_out(&first, &columns.observations)?);
     let episodes = labels.iter().map(|label| {
         let read = data
             .group(label)
@@ -59,6 +60,36 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
     });
     let episodes = Episode::all_or_some(episodes.collect())?;
     Ok(Source { not_read, ..Source::new(Format::Robomimic, columns, episodes) })
+}
+
+/// What is said of observations that are not read, and why not; `None` if all are.
+fn left_out(episode: &Group, read: &[String]) -> Result<Option<String>> {
+    let Some(group) = find_group(episode, "obs")? else { return Ok(None) };
+    let (mut others, mut first) = (Vec::new(), None);
+    let mut names = group.datasets().map_err(damaged)?;
+    names.sort();
+    for name in names {
+        let full = format!("{OBSERVATIONS}{name}");
+        if read.iter().any(|column| *column == full || Named::new(column).column == full) {
+            continue;
+        }
+        let dataset = group.dataset(&name).map_err(damaged)?;
+        let (shape, element) = (dataset.shape().map_err(damaged)?, dataset.dtype().map_err(damaged)?);
+        let why = match shape.len() {
+            _ if !hdf5::is_number(&element) => "no numbers".to_owned(),
+            1 => "one number a step".to_owned(),
+            2 => element.to_string(),
+            _ => "an image".to_owned(),
+        };
+        if hdf5::is_number(&element) && shape.len() <= 2 {
+            first.get_or_insert_with(|| full.clone());
+        }
+        others.push(format!("{full} ({why})"));
+    }
+    let way = first.map_or_else(String::new, |name| {
+        format!("; what holds numbers is read by name: --observation-columns {},{name}", read.join(","))
+    });
+    Ok((!others.is_empty()).then(|| format!("Left out of the observation: {}{way}.", listed(others))))
 }
 
 /// All columns of the first episode.

@@ -2,7 +2,7 @@
 //!
 //! | array | shape | element | |
 //! |---|---|---|---|
-//! | `obs` | `[N, obs]` | numbers | |
+//! | `obs`, or `observations` | `[N, obs]` | numbers | |
 //! | `actions` | `[N, act]` or `[N]` | numbers | |
 //! | `episode_starts` | `[N]` | bool | set at the first step of each episode |
 //!
@@ -20,8 +20,12 @@ use crate::math::rows::Rows;
 /// # Errors
 /// `is_bad_input` if the file is not of this layout or damaged; `is_io` if it may not be read.
 pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
-    let columns = columns.or("obs", "actions");
     let mut file = npz::open(path)?;
+    // Other recorders of such files write the word in full.
+    let names = file.names();
+    let has = |name: &str| names.iter().any(|known| known == name);
+    let observations = if !has("obs") && has("observations") { "observations" } else { "obs" };
+    let columns = columns.or(observations, "actions");
     let observations = table(&mut file, &columns.observations)?;
     let actions = table(&mut file, &columns.actions)?;
     let starts = file.floats("episode_starts")?.values;

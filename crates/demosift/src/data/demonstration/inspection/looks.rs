@@ -6,6 +6,7 @@
 use serde::Serialize;
 
 use crate::data::demonstration::DemoId;
+use crate::data::demonstration::choice::FEWEST_STEPS;
 use crate::data::demonstration::episode::{Episode, Source};
 use crate::math::rows::Rows;
 use crate::math::smoothness;
@@ -84,7 +85,14 @@ pub fn looks(source: &Source) -> Vec<Look> {
             None if !is_sound(episode, fault) => {
                 Look { odd: vec!["of another size than the others".to_owned()], oddness: f64::MAX, ..plain }
             }
-            None => scale.look(episode, plain),
+            None => {
+                let mut look = scale.look(episode, plain);
+                if look.steps < FEWEST_STEPS {
+                    look.odd.push(format!("{} step is too short to learn from", look.steps));
+                    look.oddness = 1e12;
+                }
+                look
+            }
         });
     }
     mark_duplicates(source, &mut looks);
