@@ -114,7 +114,8 @@ impl Command {
 /// What every stage of the job needs.
 #[derive(Debug, Args)]
 pub(crate) struct JobArguments {
-    /// The demonstrations: a file or folder of D4RL, LeRobot, Minari, robomimic, baselines or imitation, or one that
+    /// The demonstrations: a file or folder of LeRobot, Minari, robomimic, D4RL, ManiSkill, ALOHA, baselines,
+    /// stable-baselines or imitation, or one that
     /// `demosift record` made
     #[arg(value_name = "SET")]
     pub(crate) demonstrations: Option<PathBuf>,

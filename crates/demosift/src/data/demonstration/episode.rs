@@ -270,7 +270,7 @@ impl Source {
     /// # Errors
     /// `is_bad_input` if they do not fit each other, or one holds a number that is not finite.
     pub fn check(&self) -> Result<()> {
-        check_sizes(&self.demonstrations()?)
+        check_sizes(&self.ids, &self.demonstrations()?)
     }
 
     /// Each episode as a demonstration, however many there are.

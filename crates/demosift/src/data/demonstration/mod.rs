@@ -91,14 +91,14 @@ impl Demonstration {
 }
 
 /// Refuses demonstrations that differ in the size of an observation or of an action.
-fn check_sizes(demonstrations: &[Demonstration]) -> Result<()> {
+fn check_sizes(ids: &[DemoId], demonstrations: &[Demonstration]) -> Result<()> {
     let sizes = |of: &Demonstration| (of.observations.width(), of.actions.width());
     let Some(wanted) = demonstrations.first().map(sizes) else { return Ok(()) };
-    for (index, found) in demonstrations.iter().map(sizes).enumerate() {
+    for (id, found) in ids.iter().zip(demonstrations.iter().map(sizes)) {
         if found != wanted {
             return Err(Error::bad_input(format!(
-                "demonstration {index} has {} observations and {} actions a step, but demonstration 0 has {} and {}",
-                found.0, found.1, wanted.0, wanted.1
+                "demonstration {id} has {} observations and {} actions a step, but demonstration {} has {} and {}",
+                found.0, found.1, ids[0], wanted.0, wanted.1
             )));
         }
     }
@@ -132,7 +132,7 @@ impl DemonstrationSet {
                 "the set holds no demonstration; at least 2 are needed to choose from",
             ));
         }
-        check_sizes(&demonstrations)?;
+        check_sizes(&ids, &demonstrations)?;
         if demonstrations.len() == 1 {
             return Err(Error::bad_input(
                 "the set holds 1 demonstration; at least 2 are needed to choose from",
