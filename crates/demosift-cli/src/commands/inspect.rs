@@ -85,8 +85,12 @@ fn summary(seen: &Inspection) -> String {
         .map(|words| format!("\n{}", wrapped(words)))
         .collect();
     format!(
-        "{} episodes {span}, stored as {}.\nAn observation is {} ({} numbers), an action {} ({} numbers).{dropped}{left_out}",
-        seen.episodes.len(),
+        "{} {span}, stored as {}.\nAn observation is {} ({} numbers), an action {} ({} numbers).{dropped}{left_out}",
+        if seen.episodes.len() == 1 {
+            "1 episode".to_owned()
+        } else {
+            format!("{} episodes", seen.episodes.len())
+        },
         seen.format,
         seen.columns.observations.join(" + "),
         seen.observations.len(),

@@ -46,7 +46,12 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
         Episode::new(index.to_string(), cut(&observations), cut(&actions), None)
     };
     let episodes = bounds.windows(2).enumerate().map(episode).collect();
-    Ok(Source::new(Format::StableBaselinesNpz, columns, episodes))
+    let not_read = if bounds.len() == 2 && starts.iter().all(|start| *start == 0.0) {
+        vec![format!("'episode_starts' is set at no step, so all {steps} steps are one episode.")]
+    } else {
+        Vec::new()
+    };
+    Ok(Source { not_read, ..Source::new(Format::StableBaselinesNpz, columns, episodes) })
 }
 
 fn table(file: &mut Npz, names: &[String]) -> Result<Rows> {
