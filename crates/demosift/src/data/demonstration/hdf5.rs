@@ -6,7 +6,7 @@ use hdf5_pure::{DType, Dataset, Datatype, DatatypeByteOrder, File, FormatError, 
 
 use crate::basics::error::{Error, Result};
 use crate::data::demonstration::episode::{Columns, side_by_side, trailing_number};
-use crate::data::demonstration::listing::ColumnSeen;
+use crate::data::demonstration::listing::{ColumnSeen, Used};
 use crate::data::demonstration::named::{Named, half, listed, option_for};
 use crate::data::demonstration::pointer;
 use crate::math::rows::Rows;
@@ -357,9 +357,14 @@ pub(super) fn missing(root: &Group, name: &str) -> Result<Error> {
     let mut known = root.datasets().map_err(damaged)?;
     known.extend(root.groups().map_err(damaged)?.into_iter().map(|group| group + "/"));
     known.sort();
-    let hint = option_for(known.iter().map(String::as_str));
-    let error = Error::bad_input(format!("there is no dataset '{name}'; there is: {}", listed(&known)));
-    Ok(if known.iter().any(|name| !name.ends_with('/')) { error.with_hint(hint) } else { error })
+    Ok(Error::bad_input(format!("there is no dataset '{name}'; there is: {}", listed(&known))))
+}
+
+/// The option that names columns of the group.
+pub(super) fn option_below(root: &Group) -> String {
+    let seen = list(root, &Columns::default()).unwrap_or_default();
+    let could_be = seen.iter().filter(|column| column.used == Used::Not);
+    option_for(could_be.map(|column| column.name.as_str()))
 }
 
 /// As [`missing`], for a path of groups: says what there is where the path ends.

@@ -54,7 +54,10 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
         let read = data
             .group(label)
             .map_err(damaged)
-            .and_then(|group| read_episode(&group, label, &columns, opened.file_len))
+            .and_then(|group| {
+                let read = read_episode(&group, label, &columns, opened.file_len);
+                read.map_err(|error| error.with_hint(hdf5::option_below(&group)))
+            })
             .map_err(|error| error.during(label));
         (label.clone(), read)
     });
