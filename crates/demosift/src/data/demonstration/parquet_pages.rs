@@ -70,13 +70,21 @@ pub(super) fn page(chunk: &[u8]) -> Option<(Header, &[u8], usize)> {
 ///
 /// A page may always claim `free` bytes: zstd makes a few of however many that are alike.
 pub(super) fn claims(chunk: &[u8], free: u64) -> Option<Claims> {
+    const BY_DICTIONARY: [u64; 2] = [2, 8];
     let mut claims = Claims { values: 0, most_values: 0 };
+    let mut has_dictionary = false;
     let mut rest = chunk;
     while !rest.is_empty() {
         let (header, bytes, len) = page(rest)?;
         // A page of nothing but gaps is empty, and so are small pages before they are compressed.
         let most = (bytes.len() as u64).saturating_mul(MOST_COMPRESSION).saturating_add(MOST_COMPRESSION);
         if header.uncompressed > most.max(free) {
+            return None;
+        }
+        has_dictionary |= matches!(header.kind, Kind::Dictionary);
+        let is_of_data = matches!(header.kind, Kind::Data { .. } | Kind::DataV2 { .. });
+        // The decoder panics where a page means words of a dictionary that never came.
+        if is_of_data && BY_DICTIONARY.contains(&header.encoding) && !has_dictionary {
             return None;
         }
         claims.most_values = claims.most_values.max(header.values);
@@ -211,6 +219,14 @@ mod tests {
     fn a_claim_of_gigabytes_is_refused() {
         let mut page = [&HEADER[..], &[1, 2, 3]].concat();
         page.splice(3..4, [0xfe, 0xff, 0xff, 0xff, 0x0f]);
+        assert_eq!(claims(&page, 0), None);
+    }
+
+    #[test]
+    fn a_page_of_a_dictionary_that_never_came_is_refused() {
+        let mut page = [&HEADER[..], &[1, 2, 3]].concat();
+        // The encoding, in which a dictionary is number 8.
+        page[10] = 16;
         assert_eq!(claims(&page, 0), None);
     }
 
