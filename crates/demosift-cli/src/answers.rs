@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use demosift::data::demonstration::DemoId;
-use demosift::data::demonstration::inspection::Inspection;
+use demosift::data::demonstration::inspection::{Inspection, Look};
+use demosift::data::demonstration::listing::ColumnSeen;
 use demosift::results::data_only::Column;
 use demosift::results::gain::Gain;
 use demosift::results::panel::{self, Disagreement, Opinion, Panel, Vote};
@@ -253,8 +254,11 @@ pub(crate) struct Record<'a, Provenance, Unseen> {
 pub(crate) struct Inspect<'a> {
     pub(crate) path: &'a Path,
     pub(crate) inspection: &'a Inspection,
+    pub(crate) columns_of_file: &'a [ColumnSeen],
+    pub(crate) episodes_by_oddness: &'a [Look],
     pub(crate) learnable: bool,
     pub(crate) why_not: Option<&'a str>,
+    pub(crate) way_out: Option<&'a str>,
     pub(crate) task: Option<&'a str>,
     pub(crate) fits_task: Option<bool>,
     pub(crate) why_it_does_not_fit: Option<&'a str>,
@@ -295,14 +299,14 @@ pub(crate) struct Export<'a> {
     pub(crate) data: &'a Data,
     pub(crate) seed: Option<&'a toml::Value>,
     pub(crate) configuration: &'a toml::Table,
-    pub(crate) demonstrations: Vec<Exported<'a>>,
+    pub(crate) demonstrations: Vec<Exported>,
 }
 
 /// A demonstration that was judged, in the order of the ranking.
 #[derive(Serialize)]
-pub(crate) struct Exported<'a> {
+pub(crate) struct Exported {
     pub(crate) demonstration: DemoId,
-    pub(crate) label: &'a str,
+    pub(crate) label: String,
     pub(crate) steps: usize,
     pub(crate) rank: usize,
     pub(crate) kept: bool,

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
+use demosift::data::demonstration::choice::Numbers;
 use demosift::data::demonstration::episode::Format;
 use demosift::run::preset::Preset;
 use demosift::stages::method::Method;
@@ -113,7 +114,8 @@ impl Command {
 /// What every stage of the job needs.
 #[derive(Debug, Args)]
 pub(crate) struct JobArguments {
-    /// The demonstrations: a file or folder of D4RL, LeRobot, Minari, robomimic, baselines or imitation, or one that
+    /// The demonstrations: a file or folder of LeRobot, Minari, robomimic, D4RL, ManiSkill, ALOHA, baselines,
+    /// stable-baselines or imitation, or one that
     /// `demosift record` made
     #[arg(value_name = "SET")]
     pub(crate) demonstrations: Option<PathBuf>,
@@ -145,7 +147,17 @@ pub(crate) struct JobArguments {
     #[command(flatten)]
     pub(crate) run: RunArguments,
     #[command(flatten)]
-    pub(crate) source: SourceArguments,
+    pub(crate) source: SetArguments,
+}
+
+/// Which demonstrations of a set are taken, and how they are stored where it cannot be seen.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct SetArguments {
+    /// Only these episodes, by the numbers that the file gives them, such as 0-9,12 (`demosift inspect` shows them)
+    #[arg(long, value_name = "LIST", help_heading = "Which of the demonstrations")]
+    pub(crate) episodes: Option<Numbers>,
+    #[command(flatten)]
+    pub(crate) storage: SourceArguments,
 }
 
 /// How demonstrations are stored, where it cannot be seen.
@@ -162,6 +174,16 @@ pub(crate) struct SourceArguments {
     /// The columns that make an action, in this order [default: what is usual in the format]
     #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
     pub(crate) action_columns: Vec<String>,
+    /// All but these episodes, by the numbers that the file gives them, such as 3 or 3,7-9
+    #[arg(long, value_name = "LIST", help_heading = "Which of the demonstrations")]
+    pub(crate) without: Option<Numbers>,
+    /// Leave out, and name, every episode from which nobody can learn: empty, of one step, of another size than the others, or
+    /// with a number that is not finite
+    #[arg(long, help_heading = "Which of the demonstrations")]
+    pub(crate) skip_bad: bool,
+    /// Only the episodes of this filter key of a robomimic file, such as better
+    #[arg(long, value_name = "NAME", help_heading = "Which of the demonstrations")]
+    pub(crate) filter_key: Option<String>,
 }
 
 /// What every run needs, whatever it is about.
@@ -321,7 +343,7 @@ pub(crate) struct InspectArguments {
     #[arg(long)]
     pub(crate) json: bool,
     #[command(flatten)]
-    pub(crate) source: SourceArguments,
+    pub(crate) source: SetArguments,
 }
 
 #[derive(Debug, Args)]
@@ -345,7 +367,7 @@ pub(crate) struct ConvertArguments {
     #[arg(long)]
     pub(crate) json: bool,
     #[command(flatten)]
-    pub(crate) source: SourceArguments,
+    pub(crate) source: SetArguments,
 }
 
 /// A format that is written.
@@ -429,7 +451,7 @@ impl ReportArguments {
             threads: self.threads,
             json: self.json,
         };
-        let source = SourceArguments::default();
+        let source = SetArguments::default();
         JobArguments {
             demonstrations: self.data.clone(),
             source,
@@ -467,7 +489,7 @@ pub(crate) struct TaskCheckArguments {
     #[arg(long)]
     pub(crate) json: bool,
     #[command(flatten)]
-    pub(crate) storage: SourceArguments,
+    pub(crate) storage: SetArguments,
 }
 
 #[derive(Debug, Args)]

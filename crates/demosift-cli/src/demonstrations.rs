@@ -2,19 +2,23 @@
 
 use std::path::{Path, PathBuf};
 
-use demosift::data::demonstration::DemonstrationSet;
+use demosift::data::demonstration::choice::{self, Choice};
 use demosift::data::demonstration::episode::{self, Columns, Source};
 use demosift::data::demonstration::open::{self, Located};
+use demosift::data::demonstration::{DemoId, DemonstrationSet};
+use demosift::data::trajectory::StateLog;
 use demosift::{Error, Result};
 
-use crate::arguments::SourceArguments;
+use crate::arguments::{SetArguments, SourceArguments};
 use crate::run_folder::{self, Data};
+use crate::terminal;
 
 /// Demonstrations with the file or folder that they are in.
 pub(crate) struct Demonstrations {
     pub(crate) source: Source,
     pub(crate) set: DemonstrationSet,
     pub(crate) path: PathBuf,
+    choice: Choice,
 }
 
 impl Demonstrations {
@@ -27,6 +31,7 @@ impl Demonstrations {
                 .map_err(|error| Error::io("cannot find", &self.path, &error))?,
             format: Some(format),
             columns: self.source.columns.clone(),
+            choice: self.choice.clone(),
         })
     }
 }
@@ -34,20 +39,40 @@ impl Demonstrations {
 /// Reads what is given, or what a run that goes on was begun with.
 pub(crate) fn open(
     given: Option<&Path>,
-    how: &SourceArguments,
+    how: &SetArguments,
     recorded: Option<&Data>,
 ) -> Result<Demonstrations> {
-    let (source, path) = open_unchecked(given, how, recorded)?;
+    let Opened { source, path, choice } = open_unchecked(given, how, recorded)?;
     let set = source.set().map_err(|error| error.at(&path))?;
-    Ok(Demonstrations { source, set, path })
+    say_what_is_not_read(&source);
+    Ok(Demonstrations { source, set, path, choice })
+}
+
+/// What lies there, of which not all need be fit to learn from.
+pub(crate) struct Opened {
+    pub(crate) source: Source,
+    pub(crate) path: PathBuf,
+    choice: Choice,
+}
+
+/// Nothing is left out without a word.
+pub(crate) fn say_what_is_not_read(source: &Source) {
+    choice::in_words(&source.left_out).iter().chain(&source.not_read).for_each(|words| terminal::note(words));
+}
+
+/// The simulator's states of a demonstration, which `states` holds by the positions in the file.
+pub(crate) fn states_of(states: &[StateLog], demo: DemoId) -> Result<&StateLog> {
+    states
+        .get(demo.0)
+        .ok_or_else(|| Error::bad_input(format!("the set has no states of demonstration {demo}")))
 }
 
 /// The same without the check that one could learn from them.
 pub(crate) fn open_unchecked(
     given: Option<&Path>,
-    how: &SourceArguments,
+    how: &SetArguments,
     recorded: Option<&Data>,
-) -> Result<(Source, PathBuf)> {
+) -> Result<Opened> {
     let given = given.or(recorded.map(|data| data.path.as_path())).ok_or_else(|| {
         Error::bad_input("no demonstrations are given").with_hint(
             "give the path of a file or folder of demonstrations; docs/formats.md lists the formats",
@@ -64,13 +89,33 @@ pub(crate) fn open_unchecked(
         Some(data) if how.columns().are_usual() => data.columns.clone(),
         _ => how.columns(),
     };
-    let format = how.format.or(recorded.and_then(|data| data.format));
+    let choice = match recorded {
+        Some(data) if how.choice().is_all() => data.choice.clone(),
+        _ => how.choice(),
+    };
+    let format = how.storage.format.or(recorded.and_then(|data| data.format));
     let Located { path, format } = open::located(given, format)?;
-    Ok((open::open(&path, Some(format), &columns)?, path))
+    Ok(Opened { source: open::open_chosen(&path, Some(format), &columns, &choice)?, path, choice })
 }
 
-impl SourceArguments {
+impl SetArguments {
+    /// All episodes that are not left out by name.
+    pub(crate) fn of(storage: &SourceArguments) -> Self {
+        Self { episodes: None, storage: storage.clone() }
+    }
+
     fn columns(&self) -> Columns {
-        Columns { observations: self.observation_columns.clone(), actions: self.action_columns.clone() }
+        let SourceArguments { observation_columns, action_columns, .. } = &self.storage;
+        Columns { observations: observation_columns.clone(), actions: action_columns.clone() }
+    }
+
+    fn choice(&self) -> Choice {
+        let SourceArguments { without, skip_bad, filter_key, .. } = &self.storage;
+        Choice {
+            episodes: self.episodes.clone(),
+            without: without.clone(),
+            skip_bad: *skip_bad,
+            filter_key: filter_key.clone(),
+        }
     }
 }

@@ -22,6 +22,8 @@ Examples:
     demosift sift data/penalty_save_12 --task penalty_save --out runs/saves
   I want one of them only:
     demosift sift data/penalty_save_12 --task penalty_save --variant low_left --out runs/low_left
+  Some episodes of a set; those that nobody can learn from are left out, and named:
+    demosift sift my_lerobot_set --task half_cheetah --episodes 0-49 --without 3,17 --skip-bad
   It was interrupted; go on:
     demosift sift --out runs/throws --resume";
 
@@ -123,7 +125,9 @@ Examples:
   What a set holds, and whether the free thrower could learn from it:
     demosift inspect data/free_throw_8 --task free_throw
   A robomimic file, with the columns that make an observation named:
-    demosift inspect lift.hdf5 --observation-columns obs/robot0_eef_pos,obs/object";
+    demosift inspect lift.hdf5 --observation-columns obs/robot0_eef_pos,obs/object
+  A part of a column, and none of the episodes that nobody can learn from:
+    demosift inspect door.hdf5 --observation-columns observations[0:35] --skip-bad";
 
 pub(crate) const CONVERT: &str = "\
 Examples:

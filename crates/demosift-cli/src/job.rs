@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use demosift::data::demonstration::choice;
 use demosift::data::demonstration::{self, DemonstrationSet};
 use demosift::data::trajectory::StateLog;
 use demosift::learning::adapt::MetaPrior;
@@ -39,6 +40,8 @@ pub(crate) struct Job {
     /// The file or folder of the set.
     path: PathBuf,
     data: Data,
+    /// Episodes of the file that were not taken, in words.
+    left_out: Option<String>,
     chosen: Chosen,
     /// The configuration as it is written down.
     values: Table,
@@ -65,6 +68,7 @@ impl Job {
         let demonstrations =
             demonstrations::open(arguments.demonstrations.as_deref(), &arguments.source, recorded)?;
         let data = demonstrations.data()?;
+        let left_out = choice::in_words(&demonstrations.source.left_out);
         let Demonstrations { set, path, .. } = demonstrations;
         let mut values = plan.values.clone();
         if let Some(keep) = arguments.keep {
@@ -100,7 +104,7 @@ impl Job {
             true => Progress::of_bar_only(),
             false => Progress::new(MetricsFile::open(folder.path())?),
         };
-        Ok(Self { set, path, data, chosen: plan.chosen, values, config, folder, progress })
+        Ok(Self { set, path, data, left_out, chosen: plan.chosen, values, config, folder, progress })
     }
 
     /// The same job for one of the task's several goals, in a folder of its own within that of this one; it starts from what
@@ -124,6 +128,7 @@ impl Job {
             set: self.set.clone(),
             path: self.path.clone(),
             data: self.data.clone(),
+            left_out: self.left_out.clone(),
             chosen,
             values: self.values.clone(),
             config: self.config.clone(),
@@ -184,6 +189,11 @@ impl Job {
     /// What the run depends on.
     pub(crate) fn data(&self) -> &Data {
         &self.data
+    }
+
+    /// Which episodes of the set were not taken, and why.
+    pub(crate) fn left_out(&self) -> Option<&str> {
+        self.left_out.as_deref()
     }
 
     /// The file or folder of the set.

@@ -11,6 +11,8 @@ use demosift::{Error, Result};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::replay;
 
+use crate::demonstrations;
+
 /// What is shown beside a ranking.
 pub(crate) struct Beside {
     /// What the scorers of the recordings say.
@@ -57,7 +59,8 @@ fn scores(
     states: Result<Option<Vec<StateLog>>>,
 ) -> Result<Option<Vec<Score>>> {
     let Some(states) = states? else { return Ok(None) };
-    let scores = set.iter().zip(&states).map(|((id, demonstration), states)| {
+    let scores = set.iter().map(|(id, demonstration)| {
+        let states = demonstrations::states_of(&states, id)?;
         replay::measurements(task, states, demonstration.actions())
             .map(|measured| task.heuristic().score(&measured))
             .map_err(|error| error.during(&format!("demonstration {id}")))

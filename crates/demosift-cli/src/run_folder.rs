@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use demosift::basics::files;
 use demosift::basics::ledger::Ledger;
+use demosift::data::demonstration::choice::Choice;
 use demosift::data::demonstration::episode::{Columns, Format};
 use demosift::results::artifact::FORMAT_VERSION;
 use demosift::{Error, Result};
@@ -57,6 +58,9 @@ pub(crate) struct Data {
     /// Which columns were read.
     #[serde(default)]
     pub(crate) columns: Columns,
+    /// Which episodes of them were taken.
+    #[serde(default, skip_serializing_if = "Choice::is_all")]
+    pub(crate) choice: Choice,
 }
 
 /// What a folder tells of the run that it holds.
@@ -259,6 +263,8 @@ fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Resu
         }
         _ => String::new(),
     };
+    let choice =
+        |identity: &Identity| identity.data.as_ref().map_or_else(String::new, |data| data.choice.to_string());
     let text = |value: Option<String>| value.unwrap_or_else(|| "none".to_owned());
     let variant = |identity: &Identity| identity.variant.clone().unwrap_or_else(|| "all of them".to_owned());
     let pairs = [
@@ -266,6 +272,7 @@ fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Resu
         ("the variant", variant(old), variant(identity)),
         // Before the hash, which may depend on them.
         ("the columns of the demonstrations", columns(old), columns(identity)),
+        ("the choice of episodes", choice(old), choice(identity)),
         ("the SHA-256 of the demonstrations", text(sha256(old)), text(sha256(identity))),
     ];
     let differs = pairs.into_iter().find(|(_, old, new)| old != new);

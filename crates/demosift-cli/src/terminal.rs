@@ -33,6 +33,11 @@ pub(crate) fn complain(error: &Error) {
     }
 }
 
+/// Says what the user should know although nothing went wrong.
+pub(crate) fn note(words: &str) {
+    let _ = writeln!(std::io::stderr().lock(), "note: {words}");
+}
+
 /// Says where an interrupted run is, and the command that goes on with it.
 pub(crate) fn say_stopped(folder: &Path, command: &str) {
     clear_bar();

@@ -215,3 +215,123 @@ fn a_recording_is_no_run_to_hand_on() {
     scratch.succeed(&format!("{RECORD} --out recorded"));
     refuses(&scratch, "export recorded --as csv", &["has no demonstrations", "recorded"]);
 }
+
+/// Six episodes as robomimic would store them, three of them in a filter key, and what else such files hold.
+fn write_odd_robomimic(scratch: &Scratch) {
+    let mut file = FileBuilder::new();
+    let mut data = file.create_group("data");
+    for name in ["demo_0", "demo_1", "demo_2", "demo_3", "demo_5", "demo_7", "demo_8_retry", "episode_9"] {
+        let steps = if name == "demo_7" { 1_u8 } else { 6 };
+        let mut group = data.create_group(name);
+        let number = |step: u8| f64::from(step) / 7.0 + name.len() as f64;
+        let mut actions: Vec<f64> = (0..2 * steps).map(|place| f64::from(place) / 20.0).collect();
+        if name == "demo_1" {
+            actions[3] = f64::NAN;
+        }
+        let shape = |width: u64| [u64::from(steps), width];
+        group.create_dataset("actions").with_f64_data(&actions).with_shape(&shape(2));
+        let mut observations = group.create_group("obs");
+        let flat: Vec<f64> = (0..4 * steps).map(number).collect();
+        observations.create_dataset("state").with_f64_data(&flat).with_shape(&shape(4));
+        let gripper: Vec<f64> = (0..steps).map(number).collect();
+        observations.create_dataset("gripper").with_f64_data(&gripper);
+        group.add_group(observations.finish());
+        data.add_group(group.finish());
+    }
+    file.add_group(data.finish());
+    file.write(scratch.0.join("odd.hdf5")).unwrap();
+    let labels = ["demo_0", "demo_3", "demo_5"].map(str::to_owned);
+    demosift::data::demonstration::robomimic::add_filter_key(&scratch.0.join("odd.hdf5"), "better", &labels)
+        .unwrap();
+}
+
+#[test]
+fn what_is_left_out_of_a_set_is_said() {
+    let scratch = Scratch::new("said");
+    write_odd_robomimic(&scratch);
+    let seen = scratch.succeed("inspect odd.hdf5").replace('\n', " ");
+    for part in [
+        "2 groups that are not called demo_<number>, so not read: demo_8_retry, episode_9",
+        "obs/gripper (one number a step)",
+        "--observation-columns obs/state,obs/gripper",
+        "episode demo_1: action 1 at step 1 is NaN",
+        "--skip-bad",
+        "1 step is too short",
+    ] {
+        assert!(seen.contains(part), "{seen} does not say '{part}'");
+    }
+    let seen: Value = serde_json::from_str(&scratch.succeed("inspect odd.hdf5 --skip-bad --json")).unwrap();
+    assert_eq!(seen["learnable"], true);
+    assert_eq!(seen["inspection"]["left_out"].as_array().unwrap().len(), 2);
+    assert_eq!(seen["inspection"]["episodes"][1]["demonstration"], 2);
+    assert!(seen["episodes_by_oddness"][0]["fast_power"].is_number());
+    refuses(&scratch, "inspect odd.hdf5 --filter-key best", &["no filter key 'best'", "better"]);
+    refuses(&scratch, "inspect odd.hdf5 --without 4", &["--without 4", "0, 1, 2, 3, 5, 7"]);
+    refuses(&scratch, "inspect set --filter-key better", &["only a robomimic file has filter keys"]);
+    let seen = scratch.succeed("inspect odd.hdf5 --filter-key better");
+    assert!(seen.contains("3 episodes of 6 steps each"), "{seen}");
+}
+
+#[test]
+fn a_run_on_some_episodes_calls_them_as_the_file_does() {
+    let scratch = Scratch::new("some");
+    write_robomimic(&scratch);
+    let columns = "--observation-columns obs/position,obs/velocity";
+    let tail = "--task point_mass --config tiny.toml --threads 1 --keep 2";
+    scratch.succeed(&format!("select set.robomimic.hdf5 {columns} --without 1 {tail} --out run"));
+    let all: Value = serde_json::from_str(&scratch.succeed("export run --as json")).unwrap();
+    let mut shown: Vec<(u64, String)> = all["demonstrations"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|row| (row["demonstration"].as_u64().unwrap(), row["label"].as_str().unwrap().to_owned()))
+        .collect();
+    shown.sort();
+    assert_eq!(shown, [(0, "demo_0"), (2, "demo_2"), (3, "demo_3")].map(|(id, name)| (id, name.to_owned())));
+    // The choice is part of the run, which goes on with it and with no other.
+    let again = scratch.succeed("select --resume --out run --threads 1");
+    assert!(!again.contains("demonstration 1"), "{again}");
+    refuses(
+        &scratch,
+        "select --resume --out run --without 2",
+        &["the choice of episodes", "--without 1", "--without 2"],
+    );
+    scratch.succeed("export run --as robomimic-filter-key --edit-my-file --name good");
+    let file = hdf5_pure::File::open(scratch.0.join("set.robomimic.hdf5")).unwrap();
+    let key = file.dataset("mask/good").unwrap().read_string().unwrap();
+    assert!(key.len() == 2 && !key.contains(&"demo_1".to_owned()), "{key:?}");
+    refuses(
+        &scratch,
+        "imitate --resume --out run --demonstration-ids 1",
+        &["demonstrations of this set are 0, 2, 3"],
+    );
+}
+
+#[test]
+fn what_a_set_of_lerobot_says_of_itself_is_handed_on() {
+    let scratch = Scratch::new("handed");
+    scratch.succeed("convert set --to lerobot --fps 10 lerobot");
+    let info = scratch.0.join("lerobot/meta/info.json");
+    let mut text: Value = serde_json::from_slice(&fs::read(&info).unwrap()).unwrap();
+    text["robot_type"] = "arm".into();
+    text["features"]["action"]["names"] = serde_json::json!(["east", "north"]);
+    fs::write(&info, text.to_string()).unwrap();
+    scratch.succeed("convert lerobot --to lerobot --without 2 again");
+    let again: Value = serde_json::from_slice(&scratch.files("again/meta")["info.json"]).unwrap();
+    assert_eq!((&again["fps"], &again["robot_type"]), (&Value::from(10), &Value::from("arm")));
+    assert_eq!(again["features"]["action"]["names"], serde_json::json!(["east", "north"]));
+    assert_eq!((&again["total_episodes"], &again["total_tasks"]), (&Value::from(3), &Value::from(1)));
+    let tail = "--task point_mass --config tiny.toml --threads 1 --keep 1";
+    scratch.succeed(&format!("select lerobot --without 0 {tail} --out run"));
+    let output = scratch.run("export run --as lerobot-episodes");
+    let (list, said) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
+    let kept: Vec<usize> = serde_json::from_str(&list).unwrap();
+    assert!(kept.len() == 1 && kept[0] > 0, "{list}");
+    let rest: Vec<String> = (0..4).filter(|id| !kept.contains(id)).map(|id| id.to_string()).collect();
+    for part in [
+        format!("--dataset.episodes=\"[{}]\"", kept[0]),
+        format!("delete_episodes --operation.episode_indices \"[{}]\"", rest.join(",")),
+    ] {
+        assert!(said.contains(&part), "{said} does not say '{part}'");
+    }
+}

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use demosift::Error;
 use demosift::data::demonstration::episode::{Columns, Format, Source};
+use demosift::data::demonstration::listing::Used;
 use demosift::data::demonstration::open;
 use demosift::data::demonstration::{self, lerobot, minari, robomimic};
 use demosift::data::trajectory::StateLog;
@@ -15,7 +16,7 @@ use demosift::data::trajectory::StateLog;
 const LENGTHS: [usize; 3] = [4, 3, 5];
 
 /// Each file or folder of `formats/`, with the columns that make an observation and the final observations it keeps.
-const FIXTURES: [(&str, Format, &[&str], bool); 8] = [
+const FIXTURES: [(&str, Format, &[&str], bool); 13] = [
     ("lerobot_v3", Format::LeRobotV3, &["observation.state"], false),
     ("lerobot_v2", Format::LeRobotV2, &["observation.state"], false),
     ("minari_hdf5", Format::MinariHdf5, &["observations"], true),
@@ -24,6 +25,11 @@ const FIXTURES: [(&str, Format, &[&str], bool); 8] = [
     ("robomimic.hdf5", Format::Robomimic, &["obs/joint", "obs/wrist"], true),
     ("imitation.npz", Format::ImitationNpz, &["obs"], true),
     ("baselines.npz", Format::BaselinesNpz, &["obs"], false),
+    ("stable_baselines.npz", Format::StableBaselinesNpz, &["obs"], false),
+    ("maniskill.h5", Format::ManiSkill, &["obs"], true),
+    ("aloha", Format::Aloha, &["observations/qpos"], false),
+    ("lerobot_v3_zstd", Format::LeRobotV3, &["observation.state"], false),
+    ("lerobot_v2_zstd", Format::LeRobotV2, &["observation.state"], false),
 ];
 
 fn fixture(name: &str) -> PathBuf {
@@ -147,6 +153,100 @@ fn columns_are_read_in_the_order_in_which_they_are_named() {
         let error = open::open(&fixture(name), None, &wrong).unwrap_err();
         assert_says(&error, &["elbow", name]);
     }
+}
+
+fn columns(observations: &[&str], actions: &[&str]) -> Columns {
+    let owned = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect();
+    Columns { observations: owned(observations), actions: owned(actions) }
+}
+
+#[test]
+fn integers_halves_truth_and_columns_of_one_dimension_are_numbers() {
+    let path = fixture("kinds.hdf5");
+    let named = columns(&["half", "one", "flags[1]"], &["integers[:1]", "flags[0:1]"]);
+    let source = open::open(&path, None, &named).unwrap();
+    assert_eq!(source.episodes.len(), 3);
+    for (index, episode) in source.episodes.iter().enumerate() {
+        for step in 0..4 {
+            let (observed, acted) = (episode.observations.row(step), episode.actions.row(step));
+            let place = (4 * index + step) as f32;
+            assert!((observed[0] - observation(index, step, 0)).abs() < 1e-3, "as good as a half is");
+            let (ends, goes_on) = if step == 3 { (1.0, 0.0) } else { (0.0, 1.0) };
+            assert_eq!((&observed[3..], acted), (&[place, goes_on][..], &[2.0 * place - 12.0, ends][..]));
+        }
+    }
+    for (name, wanted) in [("words", "text; wanted numbers"), ("image", "images are not read")] {
+        let error = open::open(&path, None, &columns(&[name], &["one"])).unwrap_err();
+        assert_says(&error, &[name, wanted]);
+    }
+    let error = open::open(&path, None, &columns(&["half[1:4]"], &["one"])).unwrap_err();
+    assert_says(&error, &["'half[1:4]' is no part of 'half', which has 3 numbers a step", "half[0:3]"]);
+    let held = open::columns(&path, &source).unwrap();
+    let used = |name: &str| held.iter().find(|column| column.name == name).unwrap().used;
+    assert_eq!(
+        ["half", "integers", "image", "words", "timeouts"].map(used),
+        [Used::Observation, Used::Action, Used::Image, Used::NoNumbers, Used::Not]
+    );
+}
+
+#[test]
+fn what_is_not_read_of_hdf5_is_named_with_the_line_that_mends_it() {
+    for (name, wanted) in [
+        ("blosc.hdf5", "compressed by blosc"),
+        ("zstd.hdf5", "compressed by zstd"),
+        ("newest.hdf5", "newest layout of HDF5 2.0"),
+    ] {
+        let error = read(&fixture(name)).unwrap_err();
+        assert_says(&error, &[wanted, name, "h5repack", "h5py.File"]);
+        assert!(!error.to_string().contains("damaged"), "{error}");
+    }
+}
+
+#[test]
+fn a_pointer_of_git_lfs_is_told_from_damage_by_every_reader() {
+    let scratch = Scratch::new("pointer");
+    let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n";
+    for (name, format, ..) in FIXTURES {
+        let path = scratch.copy(name);
+        for file in open::files(&path, Some(format)).unwrap() {
+            let whole = fs::read(&file).unwrap();
+            fs::write(&file, pointer).unwrap();
+            let found = read(&path).and_then(|source| source.set().map(|_| source));
+            assert_says(&found.unwrap_err(), &["pointer of git lfs"]);
+            fs::write(&file, whole).unwrap();
+        }
+    }
+}
+
+#[test]
+fn names_of_robomimic_without_their_group_are_its_columns() {
+    let short = columns(&["wrist[1]", "joint"], &[]);
+    let source = open::open(&fixture("robomimic.hdf5"), None, &short).unwrap();
+    assert_eq!(source.columns.observations, ["obs/wrist[1]", "obs/joint"]);
+    assert_close(source.episodes[1].observations.row(2)[0], observation(1, 2, 2));
+    let last = source.episodes[1].last_observation.as_deref().unwrap();
+    assert_close(last[0], observation(1, 3, 2));
+    assert!(source.not_read[0].contains("obs/camera_image (an image)"), "{:?}", source.not_read);
+}
+
+#[test]
+fn sets_of_other_tools_that_are_not_read_are_named_with_the_way_out() {
+    let scratch = Scratch::new("others");
+    let file = |name: &str, text: &str| {
+        let path = scratch.0.join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(&path, text).unwrap();
+        path.parent().unwrap().to_owned()
+    };
+    let arrow = file("arrow/metadata.json", r#"{"data_format": "arrow", "total_episodes": 1}"#);
+    assert_says(&read(&arrow).unwrap_err(), &["stored as Arrow files", "hdf5"]);
+    let missing = file("missing/metadata.json", r#"{"data_format": "hdf5", "total_episodes": 1}"#);
+    assert_says(&read(&missing).unwrap_err(), &["main_data.hdf5", "missing", "whole folder"]);
+    let hugging = file("hugging/dataset_info.json", "{}");
+    assert_says(&read(&hugging).unwrap_err(), &["`datasets` package", "serialize.load"]);
+    assert_says(&read(&file("zarr/.zgroup", "{}")).unwrap_err(), &["zarr", "docs/formats.md"]);
+    let error = read(&fixture("aloha/episode_0.hdf5")).unwrap_err();
+    assert_says(&error, &["one episode", "the folder of all"]);
 }
 
 #[track_caller]
@@ -311,7 +411,9 @@ fn what_is_written_is_read_again() {
         .collect();
 
     let path = scratch.0.join("lerobot");
-    lerobot::write(&path, &original.episodes, Some(&states), 50, "reach").unwrap();
+    let described =
+        lerobot::Described { steps_per_sec: 50, tasks: vec!["reach".to_owned()], ..Default::default() };
+    lerobot::write(&path, &original.episodes, Some(&states), &described).unwrap();
     let again = read(&path).unwrap();
     assert_eq!(again.format, Format::LeRobotV3);
     assert_eq!(again.set().unwrap(), original.set().unwrap());

@@ -2,29 +2,31 @@
 
 use std::path::Path;
 
-use demosift::data::demonstration::episode::{Episode, Source};
-use demosift::data::demonstration::{self, lerobot, minari};
+use demosift::data::demonstration::episode::{Episode, Format, Source};
+use demosift::data::demonstration::lerobot::Described;
+use demosift::data::demonstration::{self, DemoId, lerobot, minari};
 use demosift::data::trajectory::StateLog;
 use demosift::{Error, Result};
 
 use crate::answers;
 use crate::arguments::{ConvertArguments, Target};
-use crate::demonstrations;
+use crate::demonstrations::{self, Opened};
 use crate::writing::undisturbed;
 use crate::{task, terminal};
 
 pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
-    let (source, path) =
+    let Opened { source, path, .. } =
         demonstrations::open_unchecked(Some(&arguments.demonstrations), &arguments.source, None)?;
+    demonstrations::say_what_is_not_read(&source);
     // One is not enough to choose from, and enough to convert.
     source.check().map_err(|error| error.at(&path))?;
     let out = &arguments.out;
     match arguments.to {
         Target::Lerobot => {
-            let steps_per_sec = steps_per_sec(arguments.fps, arguments.task.as_deref())?;
+            let described = described(&source, &path, arguments.fps, arguments.task.as_deref(), out)?;
             let states = demonstration::open::read_states(&path, Some(source.format))?;
-            let task = arguments.task.as_deref().map_or_else(|| name_of(out), task_name);
-            undisturbed(|| lerobot::write(out, &source.episodes, states.as_deref(), steps_per_sec, &task))?;
+            let (_, states) = chosen(&source, states.as_deref(), &source.ids)?;
+            undisturbed(|| lerobot::write(out, &source.episodes, states.as_deref(), &described))?;
         }
         Target::Minari => undisturbed(|| minari::write(out, &source.episodes, &minari_id(out)))?,
     }
@@ -41,11 +43,31 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
     Ok(())
 }
 
-/// The rate of steps that the user gives, or that the task has.
-pub(super) fn steps_per_sec(given: Option<u32>, task: Option<&str>) -> Result<u32> {
-    if let Some(given) = given {
-        return Ok(given);
+/// What LeRobot keeps beside the steps: as the source says, where it is of LeRobot too, with the rate that the user gives
+/// before it and the task's behind it.
+pub(super) fn described(
+    source: &Source,
+    path: &Path,
+    fps: Option<u32>,
+    task: Option<&str>,
+    out: &Path,
+) -> Result<Described> {
+    let mut described = match source.format {
+        Format::LeRobotV3 | Format::LeRobotV2 => lerobot::description(path, source)?,
+        _ => Described::default(),
+    };
+    match (fps, described.steps_per_sec) {
+        (Some(given), _) => described.steps_per_sec = given,
+        (None, 0) => described.steps_per_sec = rate_of_task(task)?,
+        _ => {}
     }
+    if described.tasks.is_empty() {
+        described.tasks = vec![task.map_or_else(|| name_of(out), task_name)];
+    }
+    Ok(described)
+}
+
+fn rate_of_task(task: Option<&str>) -> Result<u32> {
     let task = task.ok_or_else(|| {
         Error::bad_config("LeRobot keeps the rate of the steps, and nothing here tells it")
             .with_hint("add --task NAME, or --fps N")
@@ -54,7 +76,7 @@ pub(super) fn steps_per_sec(given: Option<u32>, task: Option<&str>) -> Result<u3
 }
 
 /// What others call the task: a user's own goes by the name in its file, not by the path on this machine.
-pub(super) fn task_name(task: &str) -> String {
+fn task_name(task: &str) -> String {
     // With a rate given, a task may be one that demosift does not know.
     task::choose(task)
         .map_or_else(|_| name_of(Path::new(task)), |chosen| chosen.task.specification().name.clone())
@@ -80,8 +102,11 @@ fn name_of(out: &Path) -> String {
 pub(super) fn chosen(
     source: &Source,
     states: Option<&[StateLog]>,
-    ids: &[usize],
-) -> (Vec<Episode>, Option<Vec<StateLog>>) {
-    let episodes = ids.iter().map(|&id| source.episodes[id].clone()).collect();
-    (episodes, states.map(|states| ids.iter().map(|&id| states[id].clone()).collect()))
+    ids: &[DemoId],
+) -> Result<(Vec<Episode>, Option<Vec<StateLog>>)> {
+    let episodes = ids.iter().filter_map(|&id| source.episode(id).cloned()).collect();
+    let states = states.map(|states| {
+        ids.iter().map(|&id| demonstrations::states_of(states, id).cloned()).collect::<Result<_>>()
+    });
+    Ok((episodes, states.transpose()?))
 }

@@ -18,7 +18,7 @@ use serde_json::Value;
 
 use super::convert;
 use crate::answers::{self, Exported};
-use crate::arguments::{ExportArguments, Form, SourceArguments};
+use crate::arguments::{ExportArguments, Form, SetArguments};
 use crate::configuration::Layer;
 use crate::demonstrations::{self, Demonstrations};
 use crate::run_folder::{self, Data, Identity, RunFolder};
@@ -32,14 +32,14 @@ struct Kept {
     folder: RunFolder,
     demonstrations: Demonstrations,
     /// In the order of the set.
-    ids: Vec<usize>,
+    ids: Vec<DemoId>,
 }
 
 pub(crate) fn run(arguments: &ExportArguments) -> Result<()> {
     // Not everything needs the demonstrations, which may be gone.
     let kept = || open(&arguments.run);
     match arguments.form {
-        Form::LerobotEpisodes => say(&format!("{}\n", episode_list(&kept()?)?), arguments),
+        Form::LerobotEpisodes => write_episode_list(&kept()?, arguments),
         Form::Json => say(&format!("{:#}\n", as_json(&kept()?)?), arguments),
         Form::Csv => say(&as_csv(&kept()?)?, arguments),
         Form::Lerobot => write_lerobot(&kept()?, arguments),
@@ -51,13 +51,25 @@ pub(crate) fn run(arguments: &ExportArguments) -> Result<()> {
 
 fn write_lerobot(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     let out = folder(arguments)?;
-    let steps_per_sec = convert::steps_per_sec(arguments.fps, Some(&kept.identity.task))?;
+    let Demonstrations { source, path, .. } = &kept.demonstrations;
+    let task = Some(kept.identity.task.as_str());
+    let mut described = convert::described(source, path, arguments.fps, task, &out)?;
+    if described.tasks.len() > 1 {
+        // Those of the kept alone.
+        let of_kept = source.ids.iter().zip(&described.tasks).filter(|(id, _)| kept.ids.contains(id));
+        described.tasks = of_kept.map(|(_, task)| task.clone()).collect();
+    }
     let states =
         demonstration::open::read_states(&kept.demonstrations.path, Some(kept.demonstrations.source.format))?;
-    let (episodes, states) = convert::chosen(&kept.demonstrations.source, states.as_deref(), &kept.ids);
-    let task = convert::task_name(&kept.identity.task);
-    undisturbed(|| lerobot::write(&out, &episodes, states.as_deref(), steps_per_sec, &task))?;
-    written(kept, &out)
+    let (episodes, states) = convert::chosen(&kept.demonstrations.source, states.as_deref(), &kept.ids)?;
+    undisturbed(|| lerobot::write(&out, &episodes, states.as_deref(), &described))?;
+    written(kept, &out)?;
+    terminal::note(&format!(
+        "train on it: lerobot-train --dataset.repo_id=local/{} --dataset.root={} --policy.type=act",
+        out.file_name().unwrap_or_default().to_string_lossy(),
+        out.display()
+    ));
+    Ok(())
 }
 
 fn write_minari(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
@@ -66,7 +78,7 @@ fn write_minari(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     if kept.demonstrations.source.format == Format::MinariHdf5 {
         undisturbed(|| minari::write_subset(&out, &kept.demonstrations.path, &labels(kept), &name))?;
     } else {
-        let (episodes, _) = convert::chosen(&kept.demonstrations.source, None, &kept.ids);
+        let (episodes, _) = convert::chosen(&kept.demonstrations.source, None, &kept.ids)?;
         undisturbed(|| minari::write(&out, &episodes, &name))?;
     }
     written(kept, &out)
@@ -86,7 +98,7 @@ fn open(run: &Path) -> Result<Kept> {
         };
         Error::bad_input("this run has kept no demonstrations yet").at(run).with_hint(hint)
     })?;
-    let demonstrations = demonstrations::open(None, &SourceArguments::default(), Some(&data))?;
+    let demonstrations = demonstrations::open(None, &SetArguments::default(), Some(&data))?;
     let found = demonstrations.data()?.sha256;
     if found != data.sha256 {
         return Err(Error::bad_input(format!(
@@ -98,14 +110,46 @@ fn open(run: &Path) -> Result<Kept> {
     // What to train on is the referee's to say, where it was asked.
     let verdict = Verdict::recall(&folder, "")?;
     let demos = verdict.as_ref().and_then(Verdict::recommended).unwrap_or(&subset.demos);
-    let mut ids: Vec<usize> = demos.iter().map(|demo| demo.0).collect();
+    let mut ids: Vec<DemoId> = demos.to_vec();
     ids.sort_unstable();
     Ok(Kept { identity, data, folder, demonstrations, ids })
 }
 
 /// What the file calls the kept demonstrations, in its order.
 fn labels(kept: &Kept) -> Vec<String> {
-    kept.ids.iter().map(|&id| kept.demonstrations.source.episodes[id].label.clone()).collect()
+    kept.ids.iter().map(|&id| label(kept, id)).collect()
+}
+
+/// The list, which scripts take, and beside it the commands of LeRobot that use it.
+fn write_episode_list(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
+    let list = episode_list(kept)?;
+    say(&format!("{list}\n"), arguments)?;
+    let Demonstrations { source, path, .. } = &kept.demonstrations;
+    let root = path.display();
+    terminal::note(&format!(
+        "train on these: lerobot-train --dataset.repo_id=YOUR/SET --dataset.root={root} --dataset.episodes=\"{list}\" \
+         --policy.type=act"
+    ));
+    let is_kept = |label: &str| labels(kept).iter().any(|kept| kept == label);
+    let of_set = source.episodes.iter().map(|episode| &episode.label);
+    let mut rest: Vec<&str> = of_set
+        .chain(source.left_out.iter().map(|out| &out.label))
+        .map(String::as_str)
+        .filter(|label| !is_kept(label))
+        .collect();
+    rest.sort_by_key(|label| label.parse::<u64>().unwrap_or(u64::MAX));
+    if !rest.is_empty() {
+        terminal::note(&format!(
+            "delete the rest, in a new set: lerobot-edit-dataset --repo_id YOUR/SET --root {root} --new_repo_id YOUR/SET_kept \
+             --operation.type delete_episodes --operation.episode_indices \"[{}]\"",
+            rest.join(",")
+        ));
+    }
+    Ok(())
+}
+
+fn label(kept: &Kept, demo: DemoId) -> String {
+    kept.demonstrations.source.episode(demo).map_or_else(String::new, |episode| episode.label.clone())
 }
 
 fn episode_list(kept: &Kept) -> Result<String> {
@@ -163,7 +207,7 @@ fn value(answer: &impl Serialize) -> Value {
     serde_json::to_value(answer).expect("plain data always serializes")
 }
 
-fn rows(kept: &Kept) -> Result<Vec<Exported<'_>>> {
+fn rows(kept: &Kept) -> Result<Vec<Exported>> {
     let ranking = Ranking::recall(&kept.folder, "")?
         .ok_or_else(|| Error::bad_input("this run has no ranking").at(kept.folder.path()))?;
     let uncertainty = Uncertainty::recall(&kept.folder, "")?;
@@ -174,10 +218,10 @@ fn rows(kept: &Kept) -> Result<Vec<Exported<'_>>> {
         let doubt = uncertainty.as_ref().and_then(|uncertainty| uncertainty.of(demo));
         Exported {
             demonstration: demo,
-            label: &kept.demonstrations.source.episodes[demo.0].label,
+            label: label(kept, demo),
             steps: kept.demonstrations.set.get(demo).steps(),
             rank: rank + 1,
-            kept: kept.ids.contains(&demo.0),
+            kept: kept.ids.contains(&demo),
             score: ranked.gain,
             low: doubt.map(|doubt| doubt.low),
             high: doubt.map(|doubt| doubt.high),

@@ -70,11 +70,11 @@ fn part(demos: &[DemoId]) -> String {
 }
 
 fn check(ids: &[usize], set: &DemonstrationSet) -> Result<()> {
-    match ids.iter().find(|id| **id >= set.len()) {
+    match ids.iter().find(|id| !set.holds(DemoId(**id))) {
         None => Ok(()),
         Some(id) => Err(Error::bad_input(format!(
-            "--demonstration-ids {id}: the demonstrations of this set are 0 to {}",
-            set.len() - 1
+            "--demonstration-ids {id}: the demonstrations of this set are {}",
+            tables::range_of(set)
         ))),
     }
 }

@@ -1,22 +1,30 @@
 //! `demosift inspect`: what a file of demonstrations holds, and whether one could learn from it.
 
 use demosift::Result;
-use demosift::data::demonstration::inspection::{self, Inspection, Spread};
+use demosift::data::demonstration::choice;
+use demosift::data::demonstration::inspection::{self, Inspection, Look, Spread};
+use demosift::data::demonstration::listing::{ColumnSeen, Used};
+use demosift::data::demonstration::open;
 use demosift::run::experiment;
 
 use crate::answers;
 use crate::arguments::InspectArguments;
-use crate::tables::table;
-use crate::{demonstrations, task, terminal};
+use crate::demonstrations::{self, Opened};
+use crate::tables::{table, wrapped};
+use crate::{task, terminal};
 
 /// Episodes and columns that are shown one by one before only the odd ones are.
 const SHOWN: usize = 24;
+/// Odd episodes that are shown of a set of many.
+const MOST_ODD: usize = 40;
 
 pub(crate) fn run(arguments: &InspectArguments) -> Result<()> {
     let chosen = arguments.task.as_deref().map(task::choose).transpose()?;
-    let (source, path) =
+    let Opened { source, path, .. } =
         demonstrations::open_unchecked(Some(&arguments.demonstrations), &arguments.source, None)?;
     let seen = inspection::inspect(&source);
+    let looks = inspection::looks(&source);
+    let held = open::columns(&path, &source).unwrap_or_default();
     let set = source.set();
     let fits = chosen.as_ref().map(|chosen| {
         let specification = chosen.task.specification();
@@ -26,12 +34,16 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<()> {
         }
     });
     let wrong = set.as_ref().err().map(ToString::to_string);
+    let way = set.as_ref().err().and_then(demosift::Error::hint);
     if arguments.json {
         terminal::show_json(&answers::Inspect {
             path: &path,
             inspection: &seen,
+            columns_of_file: &held,
+            episodes_by_oddness: &looks,
             learnable: wrong.is_none(),
             why_not: wrong.as_deref(),
+            way_out: way,
             task: arguments.task.as_deref(),
             fits_task: fits.as_ref().map(std::result::Result::is_ok),
             why_it_does_not_fit: fits
@@ -44,8 +56,11 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<()> {
     terminal::show(&format!("{}\n\n", summary(&seen)));
     terminal::show(&episodes(&seen));
     terminal::show(&columns(&seen));
+    terminal::show(&columns_of_file(&held));
+    terminal::show(&each(&looks));
     if let Some(wrong) = wrong {
         terminal::show(&format!("\nNobody can learn from this set: {wrong}.\n"));
+        way.iter().for_each(|way| terminal::show(&format!("What can be done: {way}\n")));
     }
     if let (Some(fits), Some(task)) = (fits, &arguments.task) {
         terminal::show(&match fits {
@@ -67,9 +82,18 @@ fn summary(seen: &Inspection) -> String {
         0 => String::new(),
         steps => format!("\n{steps} steps after the last complete episode were left out."),
     };
+    let left_out: String = choice::in_words(&seen.left_out)
+        .iter()
+        .chain(&seen.not_read)
+        .map(|words| format!("\n{}", wrapped(words)))
+        .collect();
     format!(
-        "{} episodes {span}, stored as {}.\nAn observation is {} ({} numbers), an action {} ({} numbers).{dropped}",
-        seen.episodes.len(),
+        "{} {span}, stored as {}.\nAn observation is {} ({} numbers), an action {} ({} numbers).{dropped}{left_out}",
+        if seen.episodes.len() == 1 {
+            "1 episode".to_owned()
+        } else {
+            format!("{} episodes", seen.episodes.len())
+        },
         seen.format,
         seen.columns.observations.join(" + "),
         seen.observations.len(),
@@ -91,7 +115,7 @@ fn episodes(seen: &Inspection) -> String {
         .map(|&index| {
             let episode = &seen.episodes[index];
             vec![
-                index.to_string(),
+                episode.demonstration.to_string(),
                 episode.label.clone(),
                 episode.steps.to_string(),
                 episode.not_finite.to_string(),
@@ -131,6 +155,83 @@ fn columns(seen: &Inspection) -> String {
         rest => format!("  … and {rest} more without anything odd\n"),
     };
     format!("\n{}{rest}", table(&["number", "least", "greatest", ""], &rows))
+}
+
+/// What the recording alone says of each episode, the oddest first.
+fn each(looks: &[Look]) -> String {
+    let number = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.3}"));
+    let share = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{:.0}%", 100.0 * value));
+    let is_shown = |look: &&Look| looks.len() <= SHOWN || !look.odd.is_empty();
+    let rows: Vec<Vec<String>> = looks
+        .iter()
+        .filter(is_shown)
+        .take(MOST_ODD)
+        .map(|look| {
+            vec![
+                look.label.clone(),
+                look.steps.to_string(),
+                number(look.jerk),
+                number(look.jerk_95),
+                look.arc_length.map_or("-".to_owned(), |length| format!("{length:.2}")),
+                share(look.fast_power),
+                share(look.still),
+                look.jump.map_or("-".to_owned(), |jump| format!("{jump:.1}")),
+                share(Some(look.outside)),
+                look.end_distance.map_or("-".to_owned(), |distance| format!("{distance:.2}")),
+                look.odd.join(", "),
+            ]
+        })
+        .collect();
+    let rest = match looks.len() - rows.len() {
+        0 => String::new(),
+        rest => format!("  … and {rest} more; --json lists all\n"),
+    };
+    let what = "What the recording alone says of each episode, the oddest first. It does not say what an agent learns from it.";
+    let header = [
+        "episode",
+        "steps",
+        "jerk",
+        "p95",
+        "arc length",
+        "fast",
+        "still",
+        "jump",
+        "outside",
+        "end off",
+        "odd",
+    ];
+    format!("\n{}\n\n{}{rest}", wrapped(what), table(&header, &rows))
+}
+
+/// What the file holds, and what of it is read.
+fn columns_of_file(held: &[ColumnSeen]) -> String {
+    let rows: Vec<Vec<String>> = held
+        .iter()
+        .map(|column| {
+            let shape = column.shape.as_ref().map_or_else(String::new, |shape| format!("{shape:?}"));
+            let used = match column.used {
+                Used::Observation => "observation",
+                Used::Action => "action",
+                Used::Image => "left out: images are not read",
+                Used::NoNumbers => "left out: no numbers",
+                Used::NotThere => "described, and not in the tables",
+                Used::Not => "-",
+            };
+            vec![column.name.clone(), shape, column.kind.clone(), used.to_owned()]
+        })
+        .collect();
+    let others: Vec<&str> =
+        held.iter().filter(|column| column.used == Used::Not).map(|column| column.name.as_str()).collect();
+    let way = match others.is_empty() {
+        true => String::new(),
+        false => format!(
+            "{}\n",
+            wrapped(
+                "Of the columns marked - nothing is read; --observation-columns and --action-columns name others."
+            )
+        ),
+    };
+    format!("\n{}{way}", table(&["column", "shape", "kind", "used as"], &rows))
 }
 
 fn remarks(spread: &Spread, bounded: bool) -> String {

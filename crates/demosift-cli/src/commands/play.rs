@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use demosift::basics::seed::Seed;
-use demosift::data::demonstration::{self, DemonstrationSet};
+use demosift::data::demonstration::{self, DemoId, DemonstrationSet};
 use demosift::data::trajectory::StateLog;
 use demosift::math::rows::Rows;
 use demosift::results::artifact;
@@ -18,7 +18,7 @@ use demosift_mujoco::pictures::render::Viewpoint;
 use demosift_mujoco::replay;
 
 use crate::answers;
-use crate::arguments::{PictureArguments, PlayArguments};
+use crate::arguments::{PictureArguments, PlayArguments, SetArguments};
 use crate::demonstrations::{self, Demonstrations};
 use crate::job;
 use crate::picture_folder::PictureFolder;
@@ -123,7 +123,8 @@ pub(crate) fn read_policy(path: &Path, specification: &Specification) -> Result<
 /// Demonstrations as they were recorded, in the order in which they are named.
 fn replay(chosen: &Chosen, data: &Path, arguments: &PlayArguments) -> Result<Vec<Episode>> {
     let task = in_mujoco(chosen, "replay")?;
-    let Demonstrations { set, source, path } = &demonstrations::open(Some(data), &arguments.storage, None)?;
+    let Demonstrations { set, source, path, .. } =
+        &demonstrations::open(Some(data), &SetArguments::of(&arguments.storage), None)?;
     let states = demonstration::open::read_states(path, Some(source.format))?.ok_or_else(|| {
         let what = "the set holds no states of the simulator, 'infos/qpos' and 'infos/qvel', to replay from";
         Error::bad_input(what).at(path).with_hint(
@@ -131,30 +132,33 @@ fn replay(chosen: &Chosen, data: &Path, arguments: &PlayArguments) -> Result<Vec
         )
     })?;
     let ids = match &arguments.demonstration[..] {
-        [] => (0..set.len()).collect(),
+        [] => set.ids().into_iter().map(|demo| demo.0).collect(),
         named => named.to_vec(),
     };
     let episodes = ids.into_iter().map(|id| {
         let (id, demonstration) = find(set, id)?;
-        let measured: Rows = replay::measurements(task, &states[id], demonstration.actions())
+        let states = demonstrations::states_of(&states, DemoId(id)).map_err(|error| error.at(path))?;
+        let measured: Rows = replay::measurements(task, states, demonstration.actions())
             .map_err(|error| error.during(&format!("demonstration {id}")).at(path))?;
         Ok(Episode {
             name: format!("demonstration {id}"),
             steps: demonstration.steps(),
             score: chosen.task.heuristic().score(&measured),
             succeeded: chosen.task.succeeded(&measured),
-            states: Some(states[id].clone()),
+            states: Some(states.clone()),
         })
     });
     episodes.collect()
 }
 
 fn find(set: &DemonstrationSet, id: usize) -> Result<(usize, &demosift::data::demonstration::Demonstration)> {
-    let found = set.iter().nth(id).map(|(_, demonstration)| (id, demonstration));
-    found.ok_or_else(|| {
-        let last = set.len() - 1;
-        Error::bad_input(format!("--demonstration {id}: the demonstrations of this set are 0 to {last}"))
-    })
+    if !set.holds(DemoId(id)) {
+        let range = tables::range_of(set);
+        return Err(Error::bad_input(format!(
+            "--demonstration {id}: the demonstrations of this set are {range}"
+        )));
+    }
+    Ok((id, set.get(DemoId(id))))
 }
 
 /// The task, if there is a simulator behind it.

@@ -80,6 +80,7 @@ fn write_found(job: &mut Job, found: &Found) -> Result<PathBuf> {
         goals: goals(job),
         configuration: run_folder::resolved(job.folder().path())?,
         unusable: found.unusable.as_deref(),
+        left_out: job.left_out(),
     };
     let html = page::html(&found.report, &made, &replay);
     let path = job.folder().path().join(PAGE);

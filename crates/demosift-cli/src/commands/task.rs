@@ -12,10 +12,11 @@ use demosift_mujoco::check::{
 };
 
 use crate::answers;
-use crate::arguments::{SourceArguments, TaskCheckArguments, TaskCommand};
+use crate::arguments::{SetArguments, TaskCheckArguments, TaskCommand};
+use crate::demonstrations::{self, Opened};
 use crate::tables::{self, Scale, table, wrapped};
 use crate::task::{self, Chosen};
-use crate::{demonstrations, terminal};
+use crate::terminal;
 
 /// Rows that a table has before it sums up.
 const SHOWN: usize = 24;
@@ -82,10 +83,15 @@ fn check(arguments: &TaskCheckArguments) -> Result<()> {
 }
 
 /// The demonstrations of a set, of which one is enough, and the simulator's states of each where it holds them.
-fn read(data: &Path, how: &SourceArguments) -> Result<(Vec<Demonstration>, Option<Vec<StateLog>>)> {
-    let (source, path) = demonstrations::open_unchecked(Some(data), how, None)?;
+fn read(data: &Path, how: &SetArguments) -> Result<(Vec<Demonstration>, Option<Vec<StateLog>>)> {
+    let Opened { source, path, .. } = demonstrations::open_unchecked(Some(data), how, None)?;
     let set = source.demonstrations().map_err(|error| error.at(&path))?;
-    Ok((set, demonstration::open::read_states(&path, Some(source.format))?))
+    demonstrations::say_what_is_not_read(&source);
+    let Some(states) = demonstration::open::read_states(&path, Some(source.format))? else {
+        return Ok((set, None));
+    };
+    let states = source.ids.iter().map(|&demo| demonstrations::states_of(&states, demo).cloned());
+    Ok((set, Some(states.collect::<Result<_>>()?)))
 }
 
 fn unreadable(error: &Error) -> Finding {

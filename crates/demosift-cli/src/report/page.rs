@@ -34,6 +34,8 @@ pub(crate) struct Made<'a> {
     /// As TOML.
     pub(crate) configuration: String,
     pub(crate) unusable: Option<&'a str>,
+    /// Episodes of the set that were not taken, in words.
+    pub(crate) left_out: Option<&'a str>,
 }
 
 /// A goal of a run that has several.

@@ -80,7 +80,7 @@ pub(crate) fn of(job: &mut Job) -> Result<Replay> {
 fn played(task: &MujocoTask, job: &mut Job) -> Result<Replay> {
     let shown = agent(job)?;
     let recorded = job.states();
-    let played = recorded.and_then(|recorded| demonstrations(task, job, recorded.unwrap_or_default()));
+    let played = recorded.and_then(|recorded| demonstrations(task, job, &recorded.unwrap_or_default()));
     let (mut cast, missing) = match played {
         Ok(cast) if cast.is_empty() => (
             cast,
@@ -101,8 +101,12 @@ fn played(task: &MujocoTask, job: &mut Job) -> Result<Replay> {
 }
 
 /// The demonstrations whose states are known, with what they scored themselves.
-fn demonstrations(task: &MujocoTask, job: &Job, recorded: Vec<StateLog>) -> Result<Vec<Cast>> {
-    let cast = recorded.into_iter().zip(job.set().iter()).map(|(states, (demo, recording))| {
+fn demonstrations(task: &MujocoTask, job: &Job, recorded: &[StateLog]) -> Result<Vec<Cast>> {
+    let known = job
+        .set()
+        .iter()
+        .filter_map(|(demo, recording)| Some((recorded.get(demo.0)?.clone(), demo, recording)));
+    let cast = known.map(|(states, demo, recording)| {
         let measured = measurements(task, &states, recording.actions())
             .map_err(|error| error.during(&format!("demonstration {demo}")))?;
         Ok(Cast {

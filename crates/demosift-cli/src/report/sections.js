@@ -315,7 +315,7 @@ function costs() {
 function configuration() {
   into("configuration",
     el("h2", {}, "How it was made"),
-    el("p", { class: "small" }, `demosift ${made.demosift}, method ${report.method}, task ${report.task}${made.variant ? ` under ${made.variant}` : ""}: episodes of at most ${report.horizon} control steps of ${significant(report.control_step_secs)} s. Set ${made.set}, SHA-256 ${made.sha256.slice(0, 16)}….`),
+    el("p", { class: "small" }, `demosift ${made.demosift}, method ${report.method}, task ${report.task}${made.variant ? ` under ${made.variant}` : ""}: episodes of at most ${report.horizon} control steps of ${significant(report.control_step_secs)} s. Set ${made.set}, SHA-256 ${made.sha256.slice(0, 16)}….${made.left_out ? ` ${made.left_out}` : ""}`),
     el("details", {}, el("summary", {}, "Configuration"), el("pre", {}, made.configuration)));
   into("foot", el("p", {}, "This page is one file and needs no network. The numbers are also in the JSON files of the run folder."),
     replay.episodes.length ? el("details", {}, el("summary", {}, "The replay is drawn by three.js, under its license"), el("pre", {}, document.getElementById("license").textContent)) : null);

@@ -9,7 +9,7 @@ use demosift::stages::select::{Keep, Ranking, Subset};
 
 use crate::own_heuristic::Beside;
 
-use super::{Scale, is_kept, list, percent, table, wrapped};
+use super::{Scale, WIDTH, is_kept, list, percent, table, wrapped};
 
 /// What is shown of a judgment.
 pub(crate) struct Judgment<'a> {
@@ -176,20 +176,44 @@ pub(crate) fn beside(ranking: &Ranking, beside: &Beside) -> String {
     if columns.is_empty() {
         return unusable;
     }
+    let tables =
+        side_by_side(&columns).map(|columns| opinions(ranking, columns)).collect::<Vec<_>>().join("\n");
+    let what = "What the recordings alone say (higher is better by each scorer's lights; none of it enters the \
+                ranking), and the rank correlation of each with the gain:";
+    format!("\n{}\n\n{tables}{unusable}", wrapped(what))
+}
+
+/// As many columns as fit beside each other, table by table.
+fn side_by_side<'c, 'b>(columns: &'c [&'b Column]) -> impl Iterator<Item = &'c [&'b Column]> {
+    let width = |column: &Column| column.name.chars().count().max(9) + 3;
+    let mut start = 0;
+    std::iter::from_fn(move || {
+        let mut end = start;
+        let mut used = "  demonstration".len();
+        while end < columns.len() && (end == start || used + width(columns[end]) <= WIDTH) {
+            used += width(columns[end]);
+            end += 1;
+        }
+        let found = (end > start).then(|| &columns[start..end]);
+        start = end;
+        found
+    })
+}
+
+fn opinions(ranking: &Ranking, columns: &[&Column]) -> String {
     let header: Vec<&str> =
         ["demonstration"].into_iter().chain(columns.iter().map(|column| column.name.as_str())).collect();
     let mut rows: Vec<Vec<String>> = Vec::with_capacity(ranking.entries.len() + 1);
     for entry in &ranking.entries {
-        let scores = columns.iter().map(|column| significant(column.scores[entry.demo.0]));
+        let scores =
+            columns.iter().map(|column| significant(column.scores[ranking.place_in_set(entry.demo)]));
         rows.push([entry.demo.to_string()].into_iter().chain(scores).collect());
     }
     let agreements = columns.iter().map(|column| column.agreement(ranking));
     let written =
         agreements.map(|value| value.map_or_else(|| "-".to_owned(), |value| format!("{value:+.2}")));
     rows.push(["Spearman".to_owned()].into_iter().chain(written).collect());
-    let what = "What the recordings alone say (higher is better by each scorer's lights; none of it enters the \
-                ranking), and the rank correlation of each with the gain:";
-    format!("\n{}\n\n{}{unusable}", wrapped(what), table(&header, &rows))
+    table(&header, &rows)
 }
 
 /// Three significant digits, or all before the point.
@@ -270,7 +294,15 @@ mod tests {
             meaning: String::new(),
             scores: vec![-1234.5, 0.25, 2.0],
         };
-        let names = ["length", "jerk", "action range", "mutual information", "cloning loss"];
+        let names = [
+            "length",
+            "jerk",
+            "action range",
+            "mutual information",
+            "cloning loss",
+            "arc length",
+            "fast power",
+        ];
         let data_only = DataOnly { columns: names.map(column).to_vec() };
         let opinions = Beside { data_only, own: Some(column("heuristic")), unusable: None };
         let said = beside(&ranking, &opinions);

@@ -233,6 +233,14 @@ fn wrapped_to(text: &str, width: usize) -> String {
     lines.join("\n")
 }
 
+/// Which ids a set has: from the first to the last, or all one by one where some episodes of the file were left out.
+pub(crate) fn range_of(set: &DemonstrationSet) -> String {
+    match set.positions() {
+        positions if positions == set.len() => format!("0 to {}", set.len() - 1),
+        _ => list(&set.ids()),
+    }
+}
+
 /// Ids in ascending order.
 pub(crate) fn list(demos: &[DemoId]) -> String {
     let mut demos = demos.to_vec();

@@ -2,25 +2,36 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::data::demonstration::DemoId;
+use crate::data::demonstration::{DemoId, DemonstrationSet};
 
-/// W: a weight above 0 for each demonstration of a set, `[n]`.
+/// W: a weight above 0 for each demonstration of a set, by its position in the file; 0 stands for what is not of the set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Weights(Vec<f64>);
 
 impl Weights {
     /// All demonstrations count alike (Algorithm 3, line 1).
-    pub fn ones(count: usize) -> Self {
-        Self(vec![1.0; count])
+    pub fn ones(set: &DemonstrationSet) -> Self {
+        Self(set.by_position(0.0, vec![1.0; set.len()]))
     }
 
-    /// These weights, in the order of the set.
+    /// These weights of demonstrations that are all of a file.
     ///
     /// # Panics
     /// If one is not a finite number above 0: a bug of the caller.
     pub fn new(weights: Vec<f64>) -> Self {
+        Self(vec![1.0; weights.len()]).with(&weights)
+    }
+
+    /// The same demonstrations with these weights, in the order of the set.
+    ///
+    /// # Panics
+    /// If one is not a finite number above 0: a bug of the caller.
+    #[must_use]
+    pub fn with(&self, weights: &[f64]) -> Self {
         assert!(weights.iter().all(|weight| weight.is_finite() && *weight > 0.0), "weights are above 0");
-        Self(weights)
+        let mut all = vec![0.0; self.0.len()];
+        self.iter().zip(weights).for_each(|((demo, _), weight)| all[demo.0] = *weight);
+        Self(all)
     }
 
     /// c_i.
@@ -32,7 +43,8 @@ impl Weights {
     }
 
     /// All weights with their demonstrations, in the order of the set.
-    pub fn iter(&self) -> impl ExactSizeIterator<Item = (DemoId, f64)> {
-        self.0.iter().enumerate().map(|(index, weight)| (DemoId(index), *weight))
+    pub fn iter(&self) -> impl Iterator<Item = (DemoId, f64)> {
+        let all = self.0.iter().enumerate().map(|(index, weight)| (DemoId(index), *weight));
+        all.filter(|(_, weight)| *weight > 0.0)
     }
 }

@@ -120,10 +120,12 @@ impl Learner {
         Self { policy, discriminator }
     }
 
-    /// The pairs of each demonstration behind this learner's filter, in the order of the set.
+    /// The pairs of each demonstration behind this learner's filter, by its position in the file; none for what is not of
+    /// the set.
     pub fn demonstrated_pairs(&self, set: &DemonstrationSet) -> Vec<Rows> {
         let filter = self.policy.filter();
-        set.iter().map(|(_, demonstration)| gail::demonstrated_pairs(demonstration, filter)).collect()
+        let pairs = set.iter().map(|(_, demonstration)| gail::demonstrated_pairs(demonstration, filter));
+        set.by_position(Rows::default(), pairs)
     }
 }
 

@@ -94,7 +94,7 @@ pub struct Change<'a> {
     pub encoding: f32,
 }
 
-/// The encoding of each demonstration (A.2), `[n]`: the l2 norm of its observations over the whole episode, here with
+/// The encoding of each demonstration (A.2), by its position in the file: the l2 norm of its observations over the whole episode, here with
 /// mean 0 and standard deviation 1 over the set; all 0 if they do not differ.
 pub fn encodings(set: &DemonstrationSet) -> Vec<f32> {
     let norm = |values: &[f32]| values.iter().map(|value| f64::from(*value).powi(2)).sum::<f64>().sqrt();
@@ -102,7 +102,7 @@ pub fn encodings(set: &DemonstrationSet) -> Vec<f32> {
     let (mean, std) = mean_and_deviation(norms.iter().copied());
     // What is left of equal norms is rounding.
     let scale = if std > 1e-9 * mean { 1.0 / std } else { 0.0 };
-    norms.iter().map(|norm| (scale * (norm - mean)) as f32).collect()
+    set.by_position(0.0, norms.iter().map(|norm| (scale * (norm - mean)) as f32))
 }
 
 /// Line 11: a few steps up E[log Q] of random pairs with Adam, then the spread that their errors have.

@@ -3,5 +3,6 @@
 pub mod agreement;
 pub mod nn;
 pub mod rows;
+pub mod smoothness;
 pub mod solve;
 pub mod statistics;

@@ -191,13 +191,14 @@ fn opinion(found: &Found<'_>, seed: &Seed) -> Result<Opinion> {
     })
 }
 
-/// Mean scores over evaluations and variants, `[repeats][n]`: of the repeats that all demonstrations have.
+/// Mean scores over evaluations and variants, `[repeats][n]` in the order of the set: of the repeats that all demonstrations have.
 fn repeats(table: &ScoreTable) -> Vec<Vec<f64>> {
-    let demos = 1 + table.demos().last().map_or(0, |last| last.0);
-    let mut means = vec![vec![0.0; demos]; table.repeats()];
+    let demos = table.demos();
+    let mut means = vec![vec![0.0; demos.len()]; table.repeats()];
     for of in &table.suitabilities {
+        let place = demos.binary_search(&of.demo).expect("it was taken from here");
         for (repeat, scores) in means.iter_mut().zip(&of.after) {
-            repeat[of.demo.0] += statistics::mean(scores);
+            repeat[place] += statistics::mean(scores);
         }
     }
     means

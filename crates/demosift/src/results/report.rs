@@ -389,7 +389,8 @@ fn bands(curves: &[Vec<UpdateReport>], number: impl Fn(&UpdateReport) -> Option<
 
 /// A column in the order of the ranking.
 fn beside(ranking: &Ranking, column: &Column) -> ColumnShown {
-    let scores: Vec<f64> = ranking.entries.iter().map(|entry| column.scores[entry.demo.0]).collect();
+    let scores: Vec<f64> =
+        ranking.entries.iter().map(|entry| column.scores[ranking.place_in_set(entry.demo)]).collect();
     let (name, meaning) = (column.name.clone(), column.meaning.clone());
     ColumnShown { name, meaning, places: places(&scores), scores, spearman: column.agreement(ranking) }
 }

@@ -219,8 +219,9 @@ impl Probe<'_, '_> {
     }
 
     fn demonstrated(&self, seed: &Seed, demonstrations: usize) -> Vec<Rows> {
-        let pairs = self.untrained(seed).demonstrated_pairs(self.run.set);
-        pairs.into_iter().take(demonstrations).collect()
+        let mut pairs = self.untrained(seed).demonstrated_pairs(self.run.set);
+        let first = self.run.set.ids().into_iter().take(demonstrations);
+        first.map(|demo| std::mem::take(&mut pairs[demo.0])).collect()
     }
 }
 

@@ -370,15 +370,18 @@ fn contested(trial: &Trial<'_>, state: &JudgingState, variant: EnvVariant, round
         return trial.set.ids();
     }
     let before = repeats(trial.judging, round).start;
-    let mut means: Vec<Vec<f64>> = vec![Vec::new(); trial.set.len()];
+    let ids = trial.set.ids();
+    let mut means: Vec<Vec<f64>> = vec![Vec::new(); ids.len()];
     for (unit, outcome) in &state.finished {
-        if let (true, Some(demo)) = (unit.variant == variant && unit.repeat < before, unit.demo) {
-            means[demo.0].push(mean_or_zero(&outcome.scores));
+        if let (true, Some(demo)) = (unit.variant == variant && unit.repeat < before, unit.demo)
+            && let Ok(place) = ids.binary_search(&demo)
+        {
+            means[place].push(mean_or_zero(&outcome.scores));
         }
     }
     let looks = rounds(trial.judging) - 1;
     let open = race::contested(&means, &race::Race { cut: trial.cut, looks, level: race::LEVEL });
-    open.into_iter().map(DemoId).collect()
+    open.into_iter().map(|place| ids[place]).collect()
 }
 
 /// The units as a table.

@@ -223,7 +223,7 @@ impl MetaState {
         let discriminator_adam = Adam::new(prior.discriminator.parameters().len());
         let posterior =
             information.map(|how| PosteriorState::start(set, &how.posterior, seed.of("posterior")));
-        let weights = Weights::ones(set.len());
+        let weights = Weights::ones(set);
         Self { rounds: 0, prior, policy_adam, discriminator_adam, environment_steps: 0, posterior, weights }
     }
 }

@@ -53,7 +53,7 @@ pub fn pre_train(
     observer: &mut dyn Observer,
 ) -> Result<MetaPrior> {
     let pairs = state.prior.demonstrated_pairs(set);
-    let demonstrated: Vec<&Rows> = pairs.iter().collect();
+    let demonstrated: Vec<&Rows> = set.ids().iter().map(|id| &pairs[id.0]).collect();
     observer.on(Event::Started { stage: STAGE, done: state.updates, total: training.updates });
     while state.updates < training.updates {
         improve(&mut state, &demonstrated, playground, training.inner, seed, observer)

@@ -16,6 +16,13 @@ pub struct Ranking {
     pub entries: Vec<Ranked>,
 }
 
+impl Ranking {
+    /// Where a demonstration stands in the order of the set, which holds those of the ranking.
+    pub fn place_in_set(&self, demo: DemoId) -> usize {
+        self.entries.iter().filter(|entry| entry.demo < demo).count()
+    }
+}
+
 /// One place of a ranking.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ranked {

@@ -177,7 +177,7 @@ pub fn select_subset(
         let round = Round { set, playground, means, number: state.rounds.len(), seed };
         state.meta = fine_tune(&round, state.meta, observer)?;
         let table = assess(&round, &state.meta.prior, observer)?;
-        let deltas = deltas(&table, set.len());
+        let deltas = deltas(&table, set.positions());
         state.meta.weights = adjusted(&state.meta.weights, &deltas, how);
         state.rounds.push(weighed(&table, deltas, &state.meta.weights));
         report(&state, observer);
@@ -268,13 +268,13 @@ pub(crate) fn assessing(selection: &SubsetSelection, judging: &Judging) -> Judgi
     Judging { iterations, averaged, repeats: 1, most_repeats: 1, ..judging.clone() }
 }
 
-/// Line 6: Δ_i = (S_{v_i}|e_j by the spread of the scores under e_j), the mean over all e_j, `[n]`.
+/// Line 6: Δ_i = (S_{v_i}|e_j by the spread of the scores under e_j), the mean over all e_j, by position in the file.
 ///
 /// The spread is the standard deviation of all episodes under e_j, before and after imitating each v_i: what evaluations
 /// cannot tell from noise weighs little, and no Δ is larger than √(2 + 2n), as two of the n + 1 means that differ by
 /// Δ spreads make this much spread by themselves.
-fn deltas(table: &ScoreTable, count: usize) -> Vec<f64> {
-    let (mut sums, mut variants) = (vec![0.0; count], 0.0);
+fn deltas(table: &ScoreTable, positions: usize) -> Vec<f64> {
+    let (mut sums, mut variants) = (vec![0.0; positions], 0.0);
     for under in table.suitabilities.chunk_by(|a, b| a.variant == b.variant) {
         let spread = spread(under);
         variants += 1.0;
@@ -295,13 +295,15 @@ fn spread(under: &[Suitability]) -> f64 {
 
 /// Lines 7 to 11: w_i ← w_i·β·exp(Δ_i) where Δ_i > 0, else w_i·β⁻¹·exp(Δ_i); then by their mean, above the floor.
 fn adjusted(weights: &Weights, deltas: &[f64], how: &SubsetSelection) -> Weights {
-    let adjust = |((_, weight), delta): ((DemoId, f64), &f64)| {
-        let beta = if *delta > 0.0 { how.beta } else { how.beta.recip() };
+    let adjust = |(demo, weight): (DemoId, f64)| {
+        let delta = deltas[demo.0];
+        let beta = if delta > 0.0 { how.beta } else { how.beta.recip() };
         weight * beta * delta.exp()
     };
-    let adjusted: Vec<f64> = weights.iter().zip(deltas).map(adjust).collect();
+    let adjusted: Vec<f64> = weights.iter().map(adjust).collect();
     let mean = statistics::mean(&adjusted);
-    Weights::new(adjusted.iter().map(|weight| (weight / mean).max(how.floor)).collect())
+    let adjusted: Vec<f64> = adjusted.iter().map(|weight| (weight / mean).max(how.floor)).collect();
+    weights.with(&adjusted)
 }
 
 /// Line 15: {v_i | w_i > ε}, the heaviest first and ties by id; never fewer than the smallest subset.
@@ -315,10 +317,14 @@ fn kept(weights: &Weights, how: &SubsetSelection) -> Vec<DemoId> {
 fn weighed(table: &ScoreTable, deltas: Vec<f64>, weights: &Weights) -> Weighed {
     let mean = |value: &dyn Fn(&Suitability) -> Score, demo: usize| {
         let values: Vec<Score> = table.of_demo(DemoId(demo)).map(value).collect();
-        statistics::mean(&values)
+        // Of a position of the file that is not of the set there is none, and what is not a number cannot be written.
+        if values.is_empty() { 0.0 } else { statistics::mean(&values) }
     };
     Weighed {
-        baseline: mean(&Suitability::mean_before, 0),
+        baseline: mean(
+            &Suitability::mean_before,
+            table.suitabilities.first().map_or(0, |first| first.demo.0),
+        ),
         scores: (0..deltas.len()).map(|demo| mean(&Suitability::mean_after, demo)).collect(),
         deltas,
         weights: weights.clone(),

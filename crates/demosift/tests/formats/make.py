@@ -134,6 +134,83 @@ def baselines(name):
     )
 
 
+def stable_baselines(name):
+    """stable-baselines 2 saves these with numpy (`generate_expert_traj`), as is done here."""
+    starts = np.concatenate([np.arange(steps) == 0 for steps in LENGTHS])
+    np.savez(
+        fresh(name),
+        actions=np.concatenate([actions(i, steps) for i, steps in enumerate(LENGTHS)]),
+        obs=np.concatenate([observations(i, steps) for i, steps in enumerate(LENGTHS)]),
+        rewards=np.ones(sum(LENGTHS)), episode_returns=np.ones(3), episode_starts=starts,
+    )
+
+
+def maniskill(name):
+    """The layout of the trajectories of ManiSkill with `-o state`, written by h5py as ManiSkill does."""
+    import h5py
+
+    with h5py.File(fresh(name), "w") as file:
+        for i, steps in enumerate(LENGTHS):
+            group = file.create_group(f"traj_{i}")
+            group.create_dataset("obs", data=observations(i, steps + 1))
+            group.create_dataset("actions", data=actions(i, steps))
+            group.create_dataset("success", data=np.arange(steps) == steps - 1)
+
+
+def aloha(name):
+    """The layout of the recordings of ALOHA, written by h5py as its `record_episodes.py` does."""
+    import h5py
+
+    root = fresh(name)
+    root.mkdir()
+    for i, steps in enumerate(LENGTHS):
+        with h5py.File(root / f"episode_{i}.hdf5", "w") as file:
+            file.create_dataset("observations/qpos", data=observations(i, steps).astype(np.float64))
+            file.create_dataset("observations/qvel", data=np.zeros((steps, 3)))
+            file.create_dataset("observations/images/top", data=np.zeros((steps, 2, 2, 3), np.uint8))
+            file.create_dataset("action", data=actions(i, steps).astype(np.float64))
+
+
+def zstd(source, name):
+    """A set of LeRobot compressed by zstd, as newer recordings are; both versions of pages."""
+    import pyarrow.parquet as parquet
+
+    root = fresh(name)
+    shutil.copytree(HERE / source, root)
+    for index, path in enumerate(sorted((root / "data").rglob("*.parquet"))):
+        version = "2.0" if index % 2 else "1.0"
+        parquet.write_table(parquet.read_table(path), path, compression="zstd", data_page_version=version)
+
+
+def kinds():
+    """Files of D4RL whose numbers are of other kinds, or stored in ways that are read or are not."""
+    import h5py
+    import hdf5plugin
+
+    steps = 12
+    ends = np.arange(steps) % 4 == 3
+    rows = np.concatenate([observations(i, 4) for i in range(3)])
+
+    def write(name, libver="earliest", **how):
+        with h5py.File(fresh(name), "w", libver=libver) as file:
+            # Filters leave alone what they cannot make smaller.
+            file.create_dataset("observations", data=np.ones((120, 3)), chunks=(60, 3), **how)
+            file.create_dataset("actions", data=np.zeros((120, 2), np.int8))
+            file.create_dataset("timeouts", data=np.arange(120) % 60 == 59)
+
+    with h5py.File(fresh("kinds.hdf5"), "w") as file:
+        file.create_dataset("half", data=rows.astype(np.float16))
+        file.create_dataset("integers", data=np.arange(2 * steps, dtype=np.int8).reshape(steps, 2) - 12)
+        file.create_dataset("flags", data=np.stack([ends, ~ends], axis=1))
+        file.create_dataset("one", data=np.arange(steps, dtype=np.float32))
+        file.create_dataset("words", data=[b"grasp"] * steps)
+        file.create_dataset("image", data=np.zeros((steps, 2, 2, 3), np.uint8))
+        file.create_dataset("timeouts", data=ends)
+    write("blosc.hdf5", **hdf5plugin.Blosc())
+    write("zstd.hdf5", **hdf5plugin.Zstd())
+    write("newest.hdf5", libver="latest", compression="gzip")
+
+
 def robomimic_of_minari(source, path):
     """A robomimic file of a Minari data set, to try filter keys on a set of any task."""
     import h5py
@@ -156,6 +233,11 @@ TOOLS = {
     "robomimic": lambda: robomimic("robomimic.hdf5"),
     "imitation": lambda: imitation("imitation.npz"),
     "baselines": lambda: baselines("baselines.npz"),
+    "stable-baselines": lambda: stable_baselines("stable_baselines.npz"),
+    "maniskill": lambda: maniskill("maniskill.h5"),
+    "aloha": lambda: aloha("aloha"),
+    "zstd": lambda: (zstd("lerobot_v3", "lerobot_v3_zstd"), zstd("lerobot_v2", "lerobot_v2_zstd")),
+    "kinds": kinds,
 }
 
 if __name__ == "__main__":

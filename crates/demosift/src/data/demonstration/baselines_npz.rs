@@ -13,6 +13,7 @@ use std::path::Path;
 
 use crate::basics::error::{Error, Result};
 use crate::data::demonstration::episode::{Columns, Episode, Format, Source, side_by_side};
+use crate::data::demonstration::named::Named;
 use crate::data::demonstration::npz::{self, Array};
 use crate::math::rows::Rows;
 
@@ -24,7 +25,11 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
     let columns = columns.or("obs", "acs");
     let mut file = npz::open(path)?;
     let mut episodes_of = |names: &[String]| -> Result<Vec<Rows>> {
-        let parts = names.iter().map(|name| split(name, file.floats(name)?));
+        let parts = names.iter().map(|name| {
+            let named = Named::new(name);
+            let episodes = split(named.column, file.floats(named.column)?)?;
+            episodes.into_iter().map(|episode| named.part_of(episode)).collect()
+        });
         let parts: Vec<Vec<Rows>> = parts.collect::<Result<_>>()?;
         let count = parts.first().map_or(0, Vec::len);
         for (name, part) in names.iter().zip(&parts) {
@@ -55,13 +60,10 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
         )));
     }
     let episodes =
-        observations.into_iter().zip(actions).enumerate().map(|(index, (observations, actions))| Episode {
-            label: index.to_string(),
-            observations,
-            actions,
-            last_observation: None,
+        observations.into_iter().zip(actions).enumerate().map(|(index, (observations, actions))| {
+            Episode::new(index.to_string(), observations, actions, None)
         });
-    Ok(Source { format: Format::BaselinesNpz, columns, episodes: episodes.collect(), dropped_steps: 0 })
+    Ok(Source::new(Format::BaselinesNpz, columns, episodes.collect()))
 }
 
 /// One table an episode.

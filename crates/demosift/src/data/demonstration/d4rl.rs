@@ -2,8 +2,8 @@
 //!
 //! | dataset | shape | element | |
 //! |---|---|---|---|
-//! | `observations` | `[N, obs]` | f32 or f64 | |
-//! | `actions` | `[N, act]` | f32 or f64 | |
+//! | `observations` | `[N, obs]` | numbers | |
+//! | `actions` | `[N, act]` | numbers | |
 //! | `terminals`, `timeouts` | `[N]` | bool or number | at least one of the two; an episode ends where either is set |
 //! | `infos/qpos`, `infos/qvel` | `[N, nq]`, `[N, nv]` | f32 or f64 | optional; for replays, see [`read_states`] |
 //!
@@ -25,7 +25,7 @@ mod states;
 
 pub use states::read_states;
 
-const LAYOUT_HINT: &str = "a D4RL file holds 'observations' [N, obs] and 'actions' [N, act] of f32 or f64, \
+const LAYOUT_HINT: &str = "a D4RL file holds 'observations' [N, obs] and 'actions' [N, act] of numbers, \
                            and 'terminals' [N] or 'timeouts' [N] that mark the last step of each episode";
 
 /// Reads the demonstrations of a file, in file order.
@@ -49,7 +49,10 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
     let hdf5::Opened { file, file_len } = hdf5::open(path)?;
     let root = file.root();
     let read = |names: &[String]| {
-        hdf5::read_columns(&root, names, file_len).map_err(|error| error.with_hint(LAYOUT_HINT))
+        hdf5::read_columns(&root, names, file_len).map_err(|error| {
+            let option = hdf5::option_below(&root);
+            error.with_hint(format!("{LAYOUT_HINT}; if it does, {option}"))
+        })
     };
     let observations = read(&columns.observations)?;
     let actions = read(&columns.actions)?;
@@ -65,7 +68,7 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
     let ends = read_ends(&root, steps, file_len)?;
     let complete = ends.last().copied().unwrap_or(0);
     let episodes = split(&observations, &actions, &ends);
-    Ok(Source { format: Format::D4rl, columns, episodes, dropped_steps: steps - complete })
+    Ok(Source { dropped_steps: steps - complete, ..Source::new(Format::D4rl, columns, episodes) })
 }
 
 /// The rows after which an episode ends, at least one.
@@ -119,11 +122,9 @@ fn no_complete_episode(steps: usize, has_terminals: bool, has_timeouts: bool) ->
 /// Cuts the tables after each of `ends`.
 fn split(observations: &Rows, actions: &Rows, ends: &[usize]) -> Vec<episode::Episode> {
     let starts = std::iter::once(0).chain(ends.iter().copied());
-    let episodes = starts.zip(ends).enumerate().map(|(index, (start, &end))| episode::Episode {
-        label: index.to_string(),
-        observations: cut(observations, start, end),
-        actions: cut(actions, start, end),
-        last_observation: None,
+    let episodes = starts.zip(ends).enumerate().map(|(index, (start, &end))| {
+        let cut = |table| cut(table, start, end);
+        episode::Episode::new(index.to_string(), cut(observations), cut(actions), None)
     });
     episodes.collect()
 }

@@ -9,7 +9,8 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::basics::error::{Error, Result};
-use crate::data::demonstration::{Demonstration, DemonstrationSet, check_sizes};
+use crate::data::demonstration::named::shortened;
+use crate::data::demonstration::{DemoId, Demonstration, DemonstrationSet, check_sizes};
 use crate::math::rows::Rows;
 
 /// The file of a folder that `demosift record` made.
@@ -37,11 +38,17 @@ pub enum Format {
     BaselinesNpz,
     /// `obs`, `acts`, `indices` in a npz file.
     ImitationNpz,
+    /// `obs`, `actions`, `episode_starts` in a npz file.
+    StableBaselinesNpz,
+    /// A group `traj_<i>` an episode in HDF5; see [`minari`](super::minari), which it is like.
+    ManiSkill,
+    /// A folder with a HDF5 file `episode_<i>.hdf5` an episode; see [`aloha`](super::aloha).
+    Aloha,
 }
 
 impl Format {
     /// All of them.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 11] = [
         Self::D4rl,
         Self::LeRobotV3,
         Self::LeRobotV2,
@@ -50,6 +57,9 @@ impl Format {
         Self::Robomimic,
         Self::BaselinesNpz,
         Self::ImitationNpz,
+        Self::StableBaselinesNpz,
+        Self::ManiSkill,
+        Self::Aloha,
     ];
 
     /// The name by which a user asks for it.
@@ -63,6 +73,9 @@ impl Format {
             Self::Robomimic => "robomimic",
             Self::BaselinesNpz => "baselines-npz",
             Self::ImitationNpz => "imitation-npz",
+            Self::StableBaselinesNpz => "stable-baselines-npz",
+            Self::ManiSkill => "maniskill",
+            Self::Aloha => "aloha",
         }
     }
 }
@@ -137,22 +150,70 @@ pub struct Episode {
     pub actions: Rows,
     /// The observation `[obs]` after the last action, where the format keeps it; no demonstration holds it.
     pub last_observation: Option<Vec<f32>>,
+    /// Why it could not be read, where the others could; it then holds no step.
+    pub unreadable: Option<String>,
 }
 
 impl Episode {
+    pub(super) fn new(
+        label: String,
+        observations: Rows,
+        actions: Rows,
+        last_observation: Option<Vec<f32>>,
+    ) -> Self {
+        Self { label, observations, actions, last_observation, unreadable: None }
+    }
+
+    /// Each episode that could be read, and in place of each other one why it could not; if none could, the first reason.
+    ///
+    /// # Errors
+    /// As the reading of the first, if all failed.
+    pub(super) fn all_or_some(read: Vec<(String, Result<Self>)>) -> Result<Vec<Self>> {
+        if read.iter().all(|(_, result)| result.is_err()) {
+            return read.into_iter().map(|(_, result)| result).collect();
+        }
+        let episode = |(label, result): (String, Result<Self>)| match result {
+            // What the disk cannot do is no fault of an episode.
+            Err(error) if !error.is_bad_input() => Err(error),
+            Err(error) => Ok(Self {
+                unreadable: Some(error.to_string()),
+                ..Self::new(label, Rows::default(), Rows::default(), None)
+            }),
+            read => read,
+        };
+        read.into_iter().map(episode).collect()
+    }
+
+    /// Numbers in an observation and in an action.
+    pub(super) fn sizes(&self) -> (usize, usize) {
+        (self.observations.width(), self.actions.width())
+    }
+
+    /// Why it is no demonstration; `None` if it is one.
+    pub fn fault(&self) -> Option<String> {
+        if self.actions.is_empty() && self.unreadable.is_none() {
+            return Some("it is empty, not a single step".to_owned());
+        }
+        let checked = || Demonstration::check(&self.observations, &self.actions).err();
+        self.unreadable.clone().or_else(|| checked().map(|error| error.to_string()))
+    }
+
     /// The episode whose table of observations `[T+1, obs]` goes one row beyond its actions `[T, act]`.
     ///
     /// # Errors
     /// `is_bad_input` if it does not.
     pub(super) fn with_last(label: String, observations: &Rows, actions: Rows) -> Result<Self> {
         let (found, steps) = (observations.len(), actions.len());
+        if (found, steps) == (0, 0) {
+            return Ok(Self::new(label, observations.clone(), actions, None));
+        }
         if found != steps + 1 {
             return Err(Error::bad_input(format!(
                 "episode {label} has {found} observations and {steps} actions; wanted one observation more than actions"
             )));
         }
         let last_observation = Some(observations.row(steps).to_vec());
-        Ok(Self { label, observations: observations.head(steps), actions, last_observation })
+        Ok(Self::new(label, observations.head(steps), actions, last_observation))
     }
 }
 
@@ -163,19 +224,45 @@ pub struct Source {
     pub format: Format,
     /// The columns that were read, all of them named.
     pub columns: Columns,
-    /// In file order, which is the order of [`DemoId`](crate::data::demonstration::DemoId)s.
+    /// The position in the file of each episode, ascending.
+    pub ids: Vec<DemoId>,
+    /// In file order.
     pub episodes: Vec<Episode>,
     /// Steps after the last complete episode, which were left out.
     pub dropped_steps: usize,
+    /// Episodes that were not chosen, with the reason.
+    pub left_out: Vec<LeftOut>,
+    /// What else the file holds that was not read although it looks like an episode, in words.
+    pub not_read: Vec<String>,
+}
+
+/// An episode that was not chosen.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LeftOut {
+    /// What the file calls it.
+    pub label: String,
+    /// The reason.
+    pub why: String,
 }
 
 impl Source {
+    /// All that a file holds, in its order.
+    pub(super) fn new(format: Format, columns: Columns, episodes: Vec<Episode>) -> Self {
+        let ids = (0..episodes.len()).map(DemoId).collect();
+        Self { format, columns, ids, episodes, dropped_steps: 0, left_out: Vec::new(), not_read: Vec::new() }
+    }
+
+    /// An episode by its position in the file, if it was chosen.
+    pub fn episode(&self, id: DemoId) -> Option<&Episode> {
+        self.ids.binary_search(&id).ok().map(|place| &self.episodes[place])
+    }
+
     /// The demonstrations, checked.
     ///
     /// # Errors
     /// `is_bad_input` if there are fewer than two, they do not fit each other, or one holds a number that is not finite.
     pub fn set(&self) -> Result<DemonstrationSet> {
-        DemonstrationSet::new(self.demonstrations()?)
+        DemonstrationSet::chosen(self.ids.clone(), self.demonstrations()?)
     }
 
     /// Whether these are demonstrations that fit each other, of which one is enough: what other tools want of a file.
@@ -183,7 +270,7 @@ impl Source {
     /// # Errors
     /// `is_bad_input` if they do not fit each other, or one holds a number that is not finite.
     pub fn check(&self) -> Result<()> {
-        check_sizes(&self.demonstrations()?)
+        check_sizes(&self.ids, &self.demonstrations()?)
     }
 
     /// Each episode as a demonstration, however many there are.
@@ -191,10 +278,23 @@ impl Source {
     /// # Errors
     /// `is_bad_input` if one is empty or holds a number that is not finite.
     pub fn demonstrations(&self) -> Result<Vec<Demonstration>> {
-        let demonstrations = self.episodes.iter().map(|episode| {
-            Demonstration::new(episode.observations.clone(), episode.actions.clone())
-                .map_err(|error| error.during(&format!("episode {}", episode.label)))
-        });
+        let bad: Vec<(String, String)> = self
+            .episodes
+            .iter()
+            .filter_map(|episode| Some((episode.label.clone(), episode.fault()?)))
+            .collect();
+        if !bad.is_empty() {
+            let words = bad.iter().map(|(label, fault)| format!("episode {label}: {fault}"));
+            let words = shortened(words.collect(), "; ");
+            let numbers = bad.iter().filter_map(|(label, _)| trailing_number(label));
+            let numbers = numbers.map(|number| number.to_string()).collect::<Vec<_>>().join(",");
+            return Err(Error::bad_input(words)
+                .with_hint(format!("leave them out by --skip-bad, or by name: --without {numbers}")));
+        }
+        let demonstrations = self
+            .episodes
+            .iter()
+            .map(|episode| Demonstration::new(episode.observations.clone(), episode.actions.clone()));
         demonstrations.collect()
     }
 }

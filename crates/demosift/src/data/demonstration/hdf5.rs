@@ -2,10 +2,13 @@
 
 use std::path::Path;
 
-use hdf5_pure::{DType, Dataset, File, Group, Layout};
+use hdf5_pure::{DType, Dataset, Datatype, DatatypeByteOrder, File, FormatError, Group, Layout};
 
 use crate::basics::error::{Error, Result};
-use crate::data::demonstration::episode::side_by_side;
+use crate::data::demonstration::episode::{Columns, side_by_side, trailing_number};
+use crate::data::demonstration::listing::{ColumnSeen, Used};
+use crate::data::demonstration::named::{Named, half, listed, option_for};
+use crate::data::demonstration::pointer;
 use crate::math::rows::Rows;
 
 /// Deflate cannot shrink bytes further than this (its longest match costs at least two bits).
@@ -46,6 +49,7 @@ fn length_of(path: &Path) -> Result<u64> {
         return Err(Error::bad_input("the file is empty; wanted an HDF5 file")
             .with_hint("was it copied or downloaded completely?"));
     }
+    pointer::refuse(path)?;
     match hdf5_pure::is_hdf5(path) {
         Ok(true) => Ok(metadata.len()),
         Ok(false) => Err(Error::bad_input("not an HDF5 file: its signature is missing")
@@ -54,17 +58,104 @@ fn length_of(path: &Path) -> Result<u64> {
     }
 }
 
-/// What the HDF5 reader found wrong.
+/// Writes a file anew without filters and in the layout that every version reads.
+const WRITE_ANEW: &str = r#"write it anew: h5repack -f GZIP=4 OLD NEW; or in Python: import h5py, hdf5plugin; old, new = h5py.File("OLD"), h5py.File("NEW", "w", libver=("earliest", "v114")); old.visititems(lambda name, item: new.create_dataset(name, data=item[()]) if hasattr(item, "dtype") else new.require_group(name)); new.close()"#;
+
+/// The names of registered filters, which files carry as numbers.
+fn filter_name(id: u16) -> String {
+    let name = match id {
+        2 => "shuffle",
+        4 => "szip",
+        305 => "lzo",
+        307 => "bzip2",
+        32000 => "lzf",
+        32001 => "blosc",
+        32004 => "lz4",
+        32008 => "bitshuffle",
+        32013 => "zfp",
+        32015 => "zstd",
+        32026 => "blosc2",
+        32017 | 32024 => "sz",
+        32019 => "jpeg",
+        other => return format!("the filter of number {other}"),
+    };
+    name.to_owned()
+}
+
+/// What the HDF5 reader found wrong, or cannot read.
 pub(super) fn damaged(source: hdf5_pure::Error) -> Error {
+    let unread = match &source {
+        hdf5_pure::Error::Format(FormatError::UnsupportedFilter(id)) => {
+            Some(format!("compressed by {}, which is not read; wanted gzip, lzf, szip or none", filter_name(*id)))
+        }
+        hdf5_pure::Error::Format(FormatError::UnsupportedZfp(_)) => {
+            Some("compressed by zfp in a form that is not read; wanted gzip, lzf, szip or none".to_owned())
+        }
+        // Version 5 came with HDF5 2.0; more is what damage looks like.
+        hdf5_pure::Error::Format(FormatError::InvalidLayoutVersion(5)) => Some(
+            "written in the newest layout of HDF5 2.0, which is not read; wanted that of 1.14 or before (libver=\"v114\")"
+                .to_owned(),
+        ),
+        hdf5_pure::Error::Format(FormatError::UnsupportedVirtualLayout) => {
+            Some("a virtual dataset, whose numbers lie in other files; wanted them in one".to_owned())
+        }
+        hdf5_pure::Error::Format(FormatError::UnsupportedExternalStorage) => {
+            Some("a dataset whose numbers lie outside the file; wanted them inside".to_owned())
+        }
+        _ => None,
+    };
+    if let Some(unread) = unread {
+        return Error::bad_input(format!("the HDF5 file is {unread}")).with_hint(WRITE_ANEW);
+    }
     Error::bad_input(format!("the HDF5 file is damaged or truncated: {source}"))
         .with_hint("was it copied or downloaded completely?")
 }
 
-/// A two-dimensional dataset of floats, called `shown` in errors.
+/// A dataset of numbers, `[steps]` or `[steps, numbers a step]`, called `shown` in errors.
 pub(super) fn read_table(dataset: &Dataset, shown: &str, file_len: u64) -> Result<Rows> {
     let (_, width) = check_table(dataset, shown, file_len)?;
-    let values = dataset.read_f32().map_err(damaged)?;
+    let values = numbers(dataset, shown)?;
     Rows::from_flat(values, width).map_err(|error| error.during(shown))
+}
+
+/// All elements as numbers: truth is 1.
+fn numbers(dataset: &Dataset, shown: &str) -> Result<Vec<f32>> {
+    match dataset.dtype().map_err(damaged)? {
+        DType::Enum(_) => {
+            Ok(flags(dataset, shown)?.into_iter().map(|flag| f32::from(u8::from(flag))).collect())
+        }
+        DType::Other(other) => {
+            let Datatype::FloatingPoint { byte_order, .. } = *other else {
+                return Err(no_numbers(shown, &DType::Other(other)));
+            };
+            let number = |raw: &[u8; 2]| match byte_order {
+                DatatypeByteOrder::BigEndian => half(u16::from_be_bytes(*raw)),
+                _ => half(u16::from_le_bytes(*raw)),
+            };
+            let bytes = dataset.read_raw().map_err(damaged)?;
+            Ok(bytes.as_chunks::<2>().0.iter().map(number).collect())
+        }
+        _ => dataset.read_f32().map_err(damaged),
+    }
+}
+
+/// Whether elements of this type are numbers; those of h5py's bool are, as 0 and 1.
+pub(super) fn is_number(element: &DType) -> bool {
+    match element {
+        DType::F32 | DType::F64 | DType::I8 | DType::I16 | DType::I32 | DType::I64 => true,
+        DType::U8 | DType::U16 | DType::U32 | DType::U64 => true,
+        DType::Enum(names) => names.len() == 2 && names.iter().any(|name| name.eq_ignore_ascii_case("true")),
+        DType::Other(other) => matches!(**other, Datatype::FloatingPoint { size: 2, .. }),
+        _ => false,
+    }
+}
+
+fn no_numbers(name: &str, element: &DType) -> Error {
+    let what = match element {
+        DType::String | DType::VariableLengthString => "text".to_owned(),
+        other => format!("elements of type {other}"),
+    };
+    Error::bad_input(format!("'{name}' holds {what}; wanted numbers: floats, integers or bool"))
 }
 
 /// The datasets at these paths below the group as one table, side by side.
@@ -73,25 +164,30 @@ pub(super) fn read_table(dataset: &Dataset, shown: &str, file_len: u64) -> Resul
 /// `is_bad_input` if one is not there or no two-dimensional table of floats, or they differ in length.
 pub(super) fn read_columns(group: &Group, names: &[String], file_len: u64) -> Result<Rows> {
     let parts = names.iter().map(|name| {
-        let dataset = find_below(group, name)?.map_or_else(|| Err(missing_below(group, name)?), Ok)?;
-        Ok((name.as_str(), read_table(&dataset, name, file_len)?))
+        let named = Named::new(name);
+        let column = named.column;
+        let dataset = find_below(group, column)?.map_or_else(|| Err(missing_below(group, column)?), Ok)?;
+        Ok((name.as_str(), named.part_of(read_table(&dataset, column, file_len)?)?))
     });
     side_by_side(&parts.collect::<Result<Vec<_>>>()?)
 }
 
-/// Steps and numbers a step of a two-dimensional dataset of floats that the file can hold.
+/// Steps and numbers a step of a dataset of numbers that the file can hold.
 pub(super) fn check_table(dataset: &Dataset, name: &str, file_len: u64) -> Result<(usize, usize)> {
     let shape = dataset.shape().map_err(damaged)?;
-    let &[steps, width @ 1..=u64::MAX] = shape.as_slice() else {
-        return Err(Error::bad_input(format!(
-            "'{name}' has shape {shape:?}; wanted two dimensions, [steps, numbers a step], of at least one number"
-        )));
+    let (steps, width) = match *shape.as_slice() {
+        [steps] => (steps, 1),
+        [steps, width @ 1..=u64::MAX] => (steps, width),
+        _ => {
+            return Err(Error::bad_input(format!(
+                "'{name}' has shape {shape:?}; wanted two dimensions, [steps, numbers a step], of at least one number, or \
+                 [steps]; images are not read"
+            )));
+        }
     };
     let element = dataset.dtype().map_err(damaged)?;
-    if !matches!(element, DType::F32 | DType::F64) {
-        return Err(Error::bad_input(format!(
-            "'{name}' holds elements of type {element}; wanted f32 or f64"
-        )));
+    if !is_number(&element) {
+        return Err(no_numbers(name, &element));
     }
     check_size(dataset, name, &shape, file_len)?;
     // A table without rows stores nothing, so its width is a claim that nothing else bounds.
@@ -156,6 +252,55 @@ fn claims_too_much(name: &str, shape: &[u64], file_len: u64) -> Error {
     .with_hint("the file is damaged or was not copied completely")
 }
 
+/// Groups in groups that are followed; nobody nests deeper.
+const DEEPEST: usize = 8;
+/// More columns are a flood that nobody reads.
+const MOST_COLUMNS: usize = 1000;
+
+/// All datasets below a group, in alphabetical order.
+///
+/// # Errors
+/// `is_bad_input` if the file is damaged.
+pub(super) fn list(group: &Group, read: &Columns) -> Result<Vec<ColumnSeen>> {
+    let mut seen = Vec::new();
+    list_below(group, "", DEEPEST, read, &mut seen)?;
+    Ok(seen)
+}
+
+fn list_below(
+    group: &Group,
+    path: &str,
+    deepest: usize,
+    read: &Columns,
+    seen: &mut Vec<ColumnSeen>,
+) -> Result<()> {
+    let mut names = group.datasets().map_err(damaged)?;
+    names.sort();
+    for name in names {
+        if seen.len() >= MOST_COLUMNS {
+            return Ok(());
+        }
+        let dataset = group.dataset(&name).map_err(damaged)?;
+        let (shape, element) = (dataset.shape().map_err(damaged)?, dataset.dtype().map_err(damaged)?);
+        let kind = match &element {
+            DType::Enum(_) if is_number(&element) => "bool".to_owned(),
+            DType::Other(_) if is_number(&element) => "f16".to_owned(),
+            DType::String | DType::VariableLengthString => "text".to_owned(),
+            other => other.to_string(),
+        };
+        seen.push(ColumnSeen::new(format!("{path}{name}"), Some(shape), kind, is_number(&element), read));
+    }
+    let mut groups = group.groups().map_err(damaged)?;
+    groups.sort();
+    for name in groups {
+        if deepest > 0 && seen.len() < MOST_COLUMNS {
+            let inner = group.group(&name).map_err(damaged)?;
+            list_below(&inner, &format!("{path}{name}/"), deepest - 1, read, seen)?;
+        }
+    }
+    Ok(())
+}
+
 /// The dataset of this name, directly in the group, if it is there.
 pub(super) fn find(root: &Group, name: &str) -> Result<Option<Dataset>> {
     if !root.datasets().map_err(damaged)?.iter().any(|known| known == name) {
@@ -183,13 +328,43 @@ pub(super) fn find_below(root: &Group, path: &str) -> Result<Option<Dataset>> {
     }
 }
 
+/// The groups that are called `prefix` and a number, by their numbers, and what is said of the others; if there are none, the
+/// names of all groups.
+pub(super) fn numbered_groups(
+    root: &Group,
+    prefix: &str,
+) -> Result<std::result::Result<(Vec<String>, Vec<String>), String>> {
+    let number = |name: &String| name.strip_prefix(prefix).and_then(trailing_number);
+    let (mut names, mut others): (Vec<String>, Vec<String>) =
+        root.groups().map_err(damaged)?.into_iter().partition(|name| number(name).is_some());
+    names.sort_by_key(number);
+    others.sort();
+    let said = format!(
+        "{} that {} not called {prefix}<number>, so not read: {}",
+        if others.len() == 1 { "1 group".to_owned() } else { format!("{} groups", others.len()) },
+        if others.len() == 1 { "is" } else { "are" },
+        listed(&others)
+    );
+    Ok(match (names.is_empty(), others.is_empty()) {
+        (true, _) => Err(listed(others)),
+        (false, true) => Ok((names, Vec::new())),
+        (false, false) => Ok((names, vec![said])),
+    })
+}
+
 /// There is no such dataset; says what there is.
 pub(super) fn missing(root: &Group, name: &str) -> Result<Error> {
     let mut known = root.datasets().map_err(damaged)?;
     known.extend(root.groups().map_err(damaged)?.into_iter().map(|group| group + "/"));
     known.sort();
-    let known = if known.is_empty() { "nothing".to_owned() } else { known.join(", ") };
-    Ok(Error::bad_input(format!("there is no dataset '{name}'; there is: {known}")))
+    Ok(Error::bad_input(format!("there is no dataset '{name}'; there is: {}", listed(&known))))
+}
+
+/// The option that names columns of the group.
+pub(super) fn option_below(root: &Group) -> String {
+    let seen = list(root, &Columns::default()).unwrap_or_default();
+    let could_be = seen.iter().filter(|column| column.used == Used::Not);
+    option_for(could_be.map(|column| column.name.as_str()))
 }
 
 /// As [`missing`], for a path of groups: says what there is where the path ends.

@@ -42,12 +42,7 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
         let observations = cut(&observations, start + index, end + index + 1);
         Episode::with_last(index.to_string(), &observations, cut(&actions, start, end))
     });
-    Ok(Source {
-        format: Format::ImitationNpz,
-        columns,
-        episodes: episodes.collect::<Result<_>>()?,
-        dropped_steps: 0,
-    })
+    Ok(Source::new(Format::ImitationNpz, columns, episodes.collect::<Result<_>>()?))
 }
 
 /// Where in the actions each trajectory begins, and the end of the last.
@@ -69,15 +64,6 @@ fn starts(indices: &[i64], actions: usize) -> Result<Vec<usize>> {
 }
 
 fn table(file: &mut Npz, names: &[String]) -> Result<Rows> {
-    let parts = names.iter().map(|name| {
-        let array = file.floats(name)?;
-        let &[1..=usize::MAX, width @ 1..=usize::MAX] = array.shape.as_slice() else {
-            return Err(Error::bad_input(format!(
-                "'{name}' has shape {:?}; wanted [steps, numbers a step], at least one of each",
-                array.shape
-            )));
-        };
-        Ok((name.as_str(), Rows::from_flat(array.values, width)?))
-    });
+    let parts = names.iter().map(|name| Ok((name.as_str(), npz::table(file, name)?)));
     side_by_side(&parts.collect::<Result<Vec<_>>>()?)
 }

@@ -1,9 +1,15 @@
 //! What a file of demonstrations holds, at a glance: what one looks at before learning from it.
 
+mod looks;
+
 use serde::Serialize;
 
-use crate::data::demonstration::episode::{Columns, Episode, Format, Source};
+use crate::data::demonstration::DemoId;
+use crate::data::demonstration::choice;
+use crate::data::demonstration::episode::{Columns, Episode, Format, LeftOut, Source};
 use crate::math::rows::Rows;
+
+pub use looks::{Look, looks};
 
 /// What is seen in a file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -18,6 +24,10 @@ pub struct Inspection {
     pub steps: usize,
     /// Steps after the last complete episode, which were left out.
     pub dropped_steps: usize,
+    /// Episodes that were not chosen.
+    pub left_out: Vec<LeftOut>,
+    /// What else was not read although it looks like an episode, in words.
+    pub not_read: Vec<String>,
     /// One entry for each number of an observation; of the first episode's size.
     pub observations: Vec<Spread>,
     /// One entry for each number of an action; of the first episode's size.
@@ -27,6 +37,8 @@ pub struct Inspection {
 /// One episode.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EpisodeSummary {
+    /// Its position in the file, by which demosift names it.
+    pub demonstration: DemoId,
     /// What the file calls it.
     pub label: String,
     /// T.
@@ -37,6 +49,8 @@ pub struct EpisodeSummary {
     pub action_size: usize,
     /// Numbers that are not finite.
     pub not_finite: usize,
+    /// Why nobody can learn from it; `None` if one can.
+    pub fault: Option<String>,
 }
 
 /// How one number of an observation or action varies over all steps.
@@ -61,7 +75,10 @@ impl Spread {
 
 /// Looks at everything that was read.
 pub fn inspect(source: &Source) -> Inspection {
-    let summary = |episode: &Episode| EpisodeSummary {
+    let faults = choice::faults(&source.episodes);
+    let summary = |((episode, id), fault): ((&Episode, &DemoId), Option<String>)| EpisodeSummary {
+        demonstration: *id,
+        fault,
         label: episode.label.clone(),
         steps: episode.actions.len(),
         observation_size: episode.observations.width(),
@@ -71,13 +88,16 @@ pub fn inspect(source: &Source) -> Inspection {
             .map(|rows| rows.flat().iter().filter(|value| !value.is_finite()).count())
             .sum(),
     };
-    let episodes: Vec<EpisodeSummary> = source.episodes.iter().map(summary).collect();
+    let episodes: Vec<EpisodeSummary> =
+        source.episodes.iter().zip(&source.ids).zip(faults).map(summary).collect();
     Inspection {
         format: source.format,
         columns: source.columns.clone(),
         steps: episodes.iter().map(|episode| episode.steps).sum(),
         episodes,
         dropped_steps: source.dropped_steps,
+        left_out: source.left_out.clone(),
+        not_read: source.not_read.clone(),
         observations: spreads(source, |episode| &episode.observations),
         actions: spreads(source, |episode| &episode.actions),
     }
@@ -85,7 +105,8 @@ pub fn inspect(source: &Source) -> Inspection {
 
 /// Over the episodes of the first one's size; the others do not fit anyway.
 fn spreads(source: &Source, rows: impl Fn(&Episode) -> &Rows) -> Vec<Spread> {
-    let width = source.episodes.first().map_or(0, |episode| rows(episode).width());
+    let width =
+        source.episodes.iter().map(|episode| rows(episode).width()).find(|&width| width > 0).unwrap_or(0);
     let mut spreads = vec![Spread { least: None, greatest: None, not_finite: 0, outside: 0 }; width];
     let fitting = source.episodes.iter().map(rows).filter(|rows| rows.width() == width);
     for row in fitting.flat_map(|rows| rows.iter()) {

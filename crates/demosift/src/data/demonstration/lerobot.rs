@@ -12,6 +12,7 @@
 //! An episode has T rows and no final observation.
 //! Rewards and what the tables say of success are never read, nor are images.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -19,12 +20,16 @@ use serde::Deserialize;
 
 use crate::basics::error::{Error, Result};
 use crate::data::demonstration::episode::{Columns, Episode, Format, Source};
+use crate::data::demonstration::listing::{ColumnSeen, Used};
 use crate::data::demonstration::parquet_table::{self, Table};
+use crate::data::demonstration::pointer;
 use crate::math::rows::Rows;
 
+mod description;
 mod states;
 mod writing;
 
+pub use description::{Described, description};
 pub use states::read_states;
 pub use writing::write;
 
@@ -39,6 +44,21 @@ struct Info {
     codebase_version: String,
     total_episodes: Option<usize>,
     total_frames: Option<usize>,
+    fps: Option<f64>,
+    robot_type: Option<String>,
+    #[serde(default)]
+    features: BTreeMap<String, Feature>,
+}
+
+/// What a data set says of one of its columns.
+#[derive(Deserialize)]
+struct Feature {
+    #[serde(default)]
+    dtype: String,
+    #[serde(default)]
+    shape: Vec<u64>,
+    #[serde(default)]
+    names: serde_json::Value,
 }
 
 /// Which version of the layout a folder is of.
@@ -67,6 +87,7 @@ fn read_info(path: &Path) -> Result<Info> {
         }
         _ => Error::io("cannot read the description of the data set", &file, &source),
     };
+    pointer::refuse(&file)?;
     let len = fs::metadata(&file).map_err(failed)?.len();
     if len > LONGEST_INFO {
         return Err(
@@ -93,6 +114,14 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
         let table = Table::open(&file)?;
         append(&mut episodes, &mut last, &table, &columns).map_err(|error| error.at(&file))?;
     }
+    if info.total_episodes.is_some_and(|claimed| claimed > episodes.len()) {
+        for index in empty_episodes(path) {
+            let number = |episode: &Episode| episode.label.parse().unwrap_or(i64::MAX);
+            if let Err(place) = episodes.binary_search_by_key(&index, number) {
+                episodes.insert(place, empty(index, &Rows::default(), &Rows::default()));
+            }
+        }
+    }
     let frames: usize = episodes.iter().map(|episode| episode.actions.len()).sum();
     for (what, claimed, found) in
         [("episodes", info.total_episodes, episodes.len()), ("frames", info.total_frames, frames)]
@@ -105,7 +134,51 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
             .with_hint("was the whole folder copied?"));
         }
     }
-    Ok(Source { format, columns, episodes, dropped_steps: 0 })
+    Ok(Source::new(format, columns, episodes))
+}
+
+/// All columns, with those that are not in the tables, such as videos.
+///
+/// # Errors
+/// As [`read_source`].
+pub(super) fn list(path: &Path, read: &Columns) -> Result<Vec<ColumnSeen>> {
+    let info = read_info(path)?;
+    let mut seen = match data_files(path)?.first() {
+        Some(file) => Table::open(file)?.list(read),
+        None => Vec::new(),
+    };
+    for column in &mut seen {
+        column.shape = info.features.get(&column.name).map(|feature| feature.shape.clone());
+    }
+    for (name, Feature { dtype, shape, .. }) in info.features {
+        if !seen.iter().any(|column| column.name == name) {
+            let is_image = dtype.contains("video") || dtype.contains("image");
+            let used = if is_image { Used::Image } else { Used::NotThere };
+            seen.push(ColumnSeen { name, shape: Some(shape), kind: dtype, used });
+        }
+    }
+    Ok(seen)
+}
+
+/// Episodes that were recorded without a step: the tables hold nothing of them, and only the list of episodes tells.
+fn empty_episodes(path: &Path) -> Vec<i64> {
+    #[derive(Deserialize)]
+    struct Line {
+        episode_index: i64,
+        length: i64,
+    }
+    let mut empty = Vec::new();
+    if let Ok(lines) = fs::read_to_string(path.join("meta/episodes.jsonl")) {
+        let lines = lines.lines().filter_map(|line| serde_json::from_str::<Line>(line).ok());
+        empty.extend(lines.filter(|line| line.length == 0).map(|line| line.episode_index));
+    }
+    let files = parquet_table::files_below(&path.join("meta/episodes")).unwrap_or_default();
+    for table in files.iter().filter_map(|file| Table::open(file).ok()) {
+        let (indices, lengths) = (table.integers("episode_index"), table.integers("length"));
+        let rows = indices.unwrap_or_default().into_iter().zip(lengths.unwrap_or_default());
+        empty.extend(rows.filter(|(_, length)| *length == 0).map(|(index, _)| index));
+    }
+    empty
 }
 
 /// Adds the rows of a file to the episode that they go on with, or to new ones.
@@ -165,12 +238,9 @@ fn append(
 }
 
 fn empty(index: i64, observations: &Rows, actions: &Rows) -> Episode {
-    Episode {
-        label: index.to_string(),
-        observations: Rows::with_capacity(observations.width(), 0),
-        actions: Rows::with_capacity(actions.width(), 0),
-        last_observation: None,
-    }
+    let (observations, actions) = (observations.width(), actions.width());
+    let none = |width| Rows::with_capacity(width, 0);
+    Episode::new(index.to_string(), none(observations), none(actions), None)
 }
 
 fn data_files(path: &Path) -> Result<Vec<PathBuf>> {

@@ -40,39 +40,81 @@ struct Counts {
     total_steps: Option<usize>,
 }
 
+/// How the episodes are stored.
+#[derive(Deserialize)]
+struct Stored {
+    data_format: Option<String>,
+}
+
 /// Nesting of spaces that is followed; nobody nests deeper.
 const DEEPEST: usize = 8;
+
+/// What a layout with a group an episode and one observation more than actions calls its parts.
+struct Layout {
+    format: Format,
+    /// A group's name without its number.
+    group: &'static str,
+    observations: &'static str,
+    actions: &'static str,
+}
 
 /// Reads `main_data.hdf5`; `columns` names datasets below an episode's group.
 ///
 /// # Errors
 /// `is_bad_input` if the file is not of this layout or damaged; `is_io` if it may not be read.
 pub(super) fn read_hdf5(path: &Path, columns: &Columns) -> Result<Source> {
+    let layout = Layout {
+        format: Format::MinariHdf5,
+        group: "episode_",
+        observations: "observations",
+        actions: "actions",
+    };
+    let source = read_groups(path, columns, &layout)?;
+    check_counts(&path.with_file_name(METADATA), &source.episodes)?;
+    Ok(source)
+}
+
+/// Reads a trajectory file of ManiSkill: groups `traj_<i>` with `obs`, a table or a dictionary, and `actions`.
+///
+/// # Errors
+/// As [`read_hdf5`].
+pub(super) fn read_maniskill(path: &Path, columns: &Columns) -> Result<Source> {
+    let layout =
+        Layout { format: Format::ManiSkill, group: "traj_", observations: "obs", actions: "actions" };
+    read_groups(path, columns, &layout).map_err(|error| {
+        error.with_hint(
+            "python -m mani_skill.trajectory.replay_trajectory --traj-path FILE -o state --save-traj writes observations as \
+             one table",
+        )
+    })
+}
+
+fn read_groups(path: &Path, columns: &Columns, layout: &Layout) -> Result<Source> {
     let opened = hdf5::open(path)?;
     let root = opened.file.root();
-    let mut names = root.groups().map_err(damaged)?;
-    names.retain(|name| name.starts_with("episode_") && trailing_number(name).is_some());
-    names.sort_by_key(|name| trailing_number(name));
-    let Some(first) = names.first() else {
-        return Err(Error::bad_input("the file holds no episode; wanted groups episode_0, episode_1, …"));
-    };
-    let first = root.group(first).map_err(damaged)?;
+    let prefix = layout.group;
+    let (names, not_read) = hdf5::numbered_groups(&root, prefix)?.map_err(|groups| {
+        Error::bad_input(format!(
+            "the file holds no episode; wanted groups {prefix}0, {prefix}1, …, and there are: {groups}"
+        ))
+    })?;
+    let first = root.group(&names[0]).map_err(damaged)?;
     let columns = Columns {
-        observations: usual(&first, &columns.observations, "observations")?,
-        actions: usual(&first, &columns.actions, "actions")?,
+        observations: usual(&first, &columns.observations, layout.observations)?,
+        actions: usual(&first, &columns.actions, layout.actions)?,
     };
     let episodes = names.iter().map(|name| {
-        let group = root.group(name).map_err(damaged)?;
-        let observations = hdf5::read_columns(&group, &columns.observations, opened.file_len);
-        let actions = hdf5::read_columns(&group, &columns.actions, opened.file_len);
         let label = trailing_number(name).map_or_else(|| name.clone(), |number| number.to_string());
-        observations
-            .and_then(|observations| Episode::with_last(label, &observations, actions?))
-            .map_err(|error| error.during(name))
+        let read = || {
+            let group = root.group(name).map_err(damaged)?;
+            let observations = hdf5::read_columns(&group, &columns.observations, opened.file_len)?;
+            let actions = hdf5::read_columns(&group, &columns.actions, opened.file_len)?;
+            Episode::with_last(label.clone(), &observations, actions)
+        };
+        (label.clone(), read().map_err(|error| error.during(name)))
     });
-    let episodes = episodes.collect::<Result<Vec<_>>>()?;
-    check_counts(&path.with_file_name(METADATA), &episodes)?;
-    Ok(Source { format: Format::MinariHdf5, columns, episodes, dropped_steps: 0 })
+    let episodes = Episode::all_or_some(episodes.collect())?;
+    Ok(Source { not_read, ..Source::new(layout.format, columns, episodes) })
 }
 
 /// The columns that were named, or all below `name`.
@@ -108,11 +150,37 @@ fn leaves(group: &Group, path: &str, deepest: usize, found: &mut Vec<String>) ->
     Ok(())
 }
 
+/// Refuses a data set whose `metadata.json` names another storage than the one that is looked for.
+///
+/// # Errors
+/// `is_bad_input` if it does; says what is missing or how to go on.
+pub(super) fn check_storage(data: &Path) -> Result<()> {
+    let file = data.join(METADATA);
+    let stored: Option<Stored> = fs::read(&file).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    match stored.and_then(|stored| stored.data_format).as_deref() {
+        Some("hdf5") => Err(Error::bad_input(format!(
+            "{METADATA} says that the episodes are in main_data.hdf5, and that is missing"
+        ))
+        .with_hint("was the whole folder copied or downloaded?")
+        .at(data)),
+        Some("arrow") => Err(Error::bad_input(
+            "this Minari data set is stored as Arrow files, which are not read; wanted hdf5 or parquet",
+        )
+        .with_hint(
+            "minari.DataCollector(env, data_format=\"hdf5\") records in HDF5; or write observations and actions by the ten lines \
+             of docs/formats.md",
+        )
+        .at(data)),
+        _ => Ok(()),
+    }
+}
+
 /// Reads the folders of a data folder; `columns` names columns, with `/` into a dictionary.
 ///
 /// # Errors
 /// `is_bad_input` if it is not of this layout or damaged; `is_io` if it may not be read.
 pub(super) fn read_parquet(path: &Path, columns: &Columns) -> Result<Source> {
+    check_storage(path)?;
     let folders = episode_folders(path)?;
     let mut resolved = columns.or("observations", "actions");
     let mut episodes = Vec::with_capacity(folders.len());
@@ -141,7 +209,7 @@ pub(super) fn read_parquet(path: &Path, columns: &Columns) -> Result<Source> {
         );
     }
     check_counts(&path.join(METADATA), &episodes)?;
-    Ok(Source { format: Format::MinariParquet, columns: resolved, episodes, dropped_steps: 0 })
+    Ok(Source::new(Format::MinariParquet, resolved, episodes))
 }
 
 /// Refuses a data set that holds more or less than the file beside it says, if there is one.
@@ -156,6 +224,10 @@ fn check_counts(metadata: &Path, episodes: &[Episode]) -> Result<()> {
     let counts: Counts = serde_json::from_slice(&bytes).map_err(|error| {
         Error::bad_input(format!("this does not describe a Minari data set: {error}")).at(metadata)
     })?;
+    // What could not be read is named by whoever wants to learn from it.
+    if episodes.iter().any(|episode| episode.unreadable.is_some()) {
+        return Ok(());
+    }
     let steps = episodes.iter().map(|episode| episode.actions.len()).sum();
     for (what, claimed, found) in
         [("episodes", counts.total_episodes, episodes.len()), ("steps", counts.total_steps, steps)]

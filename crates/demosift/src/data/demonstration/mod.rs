@@ -2,20 +2,27 @@
 //!
 //! A demonstration carries no reward, stage or origin, so nothing that judges can learn where it came from.
 
+mod aloha;
 mod baselines_npz;
+pub mod choice;
 pub mod d4rl;
 pub mod episode;
 mod hdf5;
 mod imitation_npz;
 pub mod inspection;
 pub mod lerobot;
+pub mod listing;
 pub mod minari;
+mod named;
 mod npz;
 pub mod open;
 mod parquet_pages;
 mod parquet_table;
 mod parquet_writing;
+mod parquet_zstd;
+mod pointer;
 pub mod robomimic;
+mod stable_baselines_npz;
 
 use crate::basics::error::{Error, Result};
 use crate::math::rows::Rows;
@@ -40,6 +47,12 @@ pub struct Demonstration {
 impl Demonstration {
     /// Observations `[T, obs]` and the actions `[T, act]` taken on them; all finite, at least one pair.
     pub fn new(observations: Rows, actions: Rows) -> Result<Self> {
+        Self::check(&observations, &actions)?;
+        Ok(Self { observations, actions })
+    }
+
+    /// Whether these make a demonstration.
+    fn check(observations: &Rows, actions: &Rows) -> Result<()> {
         if actions.is_empty() {
             return Err(Error::bad_input("a demonstration needs at least one state-action pair, got none"));
         }
@@ -50,7 +63,7 @@ impl Demonstration {
                 actions.len()
             )));
         }
-        for (what, rows) in [("observation", &observations), ("action", &actions)] {
+        for (what, rows) in [("observation", observations), ("action", actions)] {
             if let Some((step, column)) = rows.first_not_finite() {
                 return Err(Error::bad_input(format!(
                     "{what} {column} at step {step} is {}, and must be a finite number",
@@ -58,7 +71,7 @@ impl Demonstration {
                 )));
             }
         }
-        Ok(Self { observations, actions })
+        Ok(())
     }
 
     /// Number of pairs, T.
@@ -78,14 +91,14 @@ impl Demonstration {
 }
 
 /// Refuses demonstrations that differ in the size of an observation or of an action.
-fn check_sizes(demonstrations: &[Demonstration]) -> Result<()> {
+fn check_sizes(ids: &[DemoId], demonstrations: &[Demonstration]) -> Result<()> {
     let sizes = |of: &Demonstration| (of.observations.width(), of.actions.width());
     let Some(wanted) = demonstrations.first().map(sizes) else { return Ok(()) };
-    for (index, found) in demonstrations.iter().map(sizes).enumerate() {
+    for (id, found) in ids.iter().zip(demonstrations.iter().map(sizes)) {
         if found != wanted {
             return Err(Error::bad_input(format!(
-                "demonstration {index} has {} observations and {} actions a step, but demonstration 0 has {} and {}",
-                found.0, found.1, wanted.0, wanted.1
+                "demonstration {id} has {} observations and {} actions a step, but demonstration {} has {} and {}",
+                found.0, found.1, ids[0], wanted.0, wanted.1
             )));
         }
     }
@@ -96,23 +109,36 @@ fn check_sizes(demonstrations: &[Demonstration]) -> Result<()> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct DemonstrationSet {
     demonstrations: Vec<Demonstration>,
+    /// Ascending; not all positions of the file where only some of its episodes were chosen.
+    ids: Vec<DemoId>,
 }
 
 impl DemonstrationSet {
     /// Checks that the demonstrations fit each other.
     pub fn new(demonstrations: Vec<Demonstration>) -> Result<Self> {
+        let ids = (0..demonstrations.len()).map(DemoId).collect();
+        Self::chosen(ids, demonstrations)
+    }
+
+    /// The same for some episodes of a file, which keep their positions in it; `ids` ascend, one each demonstration.
+    ///
+    /// # Panics
+    /// If they do not: a bug of the caller.
+    pub fn chosen(ids: Vec<DemoId>, demonstrations: Vec<Demonstration>) -> Result<Self> {
+        assert_eq!(ids.len(), demonstrations.len(), "an id for each demonstration");
+        assert!(ids.is_sorted_by(|one, next| one < next), "ids ascend");
         if demonstrations.is_empty() {
             return Err(Error::bad_input(
                 "the set holds no demonstration; at least 2 are needed to choose from",
             ));
         }
-        check_sizes(&demonstrations)?;
+        check_sizes(&ids, &demonstrations)?;
         if demonstrations.len() == 1 {
             return Err(Error::bad_input(
                 "the set holds 1 demonstration; at least 2 are needed to choose from",
             ));
         }
-        Ok(Self { demonstrations })
+        Ok(Self { demonstrations, ids })
     }
 
     /// Number of demonstrations, n.
@@ -136,16 +162,34 @@ impl DemonstrationSet {
     /// # Panics
     /// If the id is not of this set: a bug of the caller.
     pub fn get(&self, id: DemoId) -> &Demonstration {
-        &self.demonstrations[id.0]
+        &self.demonstrations[self.ids.binary_search(&id).expect("the id is of this set")]
+    }
+
+    /// Whether a demonstration is of this set.
+    pub fn holds(&self, id: DemoId) -> bool {
+        self.ids.binary_search(&id).is_ok()
+    }
+
+    /// Positions of the file up to the last demonstration, whether their episodes are of this set or not.
+    pub fn positions(&self) -> usize {
+        self.ids.last().map_or(0, |last| last.0 + 1)
+    }
+
+    /// One value each position of the file up to the last demonstration, so that an id finds its own: `absent` for those that
+    /// are not of this set.
+    pub fn by_position<T: Clone>(&self, absent: T, values: impl IntoIterator<Item = T>) -> Vec<T> {
+        let mut all = vec![absent; self.positions()];
+        self.ids.iter().zip(values).for_each(|(id, value)| all[id.0] = value);
+        all
     }
 
     /// The demonstrations with their ids, in file order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = (DemoId, &Demonstration)> {
-        self.demonstrations.iter().enumerate().map(|(index, demonstration)| (DemoId(index), demonstration))
+        self.ids.iter().copied().zip(&self.demonstrations)
     }
 
     /// All ids, in file order.
     pub fn ids(&self) -> Vec<DemoId> {
-        (0..self.len()).map(DemoId).collect()
+        self.ids.clone()
     }
 }

@@ -10,10 +10,20 @@ use zip::ZipArchive;
 use zip::result::ZipError;
 
 use crate::basics::error::{Error, Result};
+use crate::data::demonstration::episode::Columns;
 use crate::data::demonstration::hdf5::MOST_COMPRESSION;
+use crate::data::demonstration::listing::ColumnSeen;
+use crate::data::demonstration::named::{Named, half, listed, option_for};
+use crate::data::demonstration::pointer;
+use crate::math::rows::Rows;
 
 /// A header of numpy holds three entries; nothing reasonable is longer.
 const LONGEST_HEADER: usize = 1 << 16;
+
+/// Episodes of several lengths as D4RL stores them.
+const OBJECTS: &str = "in Python, for obs and acs of such a file: import h5py, numpy as np; f = h5py.File(\"set.hdf5\", \"w\"); \
+                       f[\"observations\"], f[\"actions\"] = np.concatenate(list(obs)), np.concatenate(list(acs)); \
+                       f[\"timeouts\"] = np.concatenate([np.arange(len(a)) == len(a) - 1 for a in acs])";
 
 /// An array with its shape, row-major.
 pub(super) struct Array<T> {
@@ -38,6 +48,7 @@ pub(super) fn names(path: &Path) -> Result<Vec<String>> {
 /// `is_bad_input` if it is none; `is_io` if it may not be read.
 pub(super) fn open(path: &Path) -> Result<Npz> {
     let failed = |source: std::io::Error| Error::io("cannot read the demonstrations", path, &source);
+    pointer::refuse(path)?;
     let file = File::open(path).map_err(failed)?;
     let file_len = file.metadata().map_err(failed)?.len();
     let archive = ZipArchive::new(BufReader::new(file)).map_err(damaged)?;
@@ -51,16 +62,27 @@ impl Npz {
         entries.map(|name| name.strip_suffix(".npy").unwrap_or(&name).to_owned()).collect()
     }
 
-    /// An array of floating-point numbers.
+    /// An array of numbers.
     pub(super) fn floats(&mut self, name: &str) -> Result<Array<f32>> {
         let (header, bytes) = self.read(name)?;
         let values = match header.element.as_str() {
             "<f4" => each(&bytes, f32::from_le_bytes),
             "<f8" => each(&bytes, |raw| f64::from_le_bytes(raw) as f32),
+            "<f2" => each(&bytes, |raw| half(u16::from_le_bytes(raw))),
+            "|b1" => each(&bytes, |[raw]: [u8; 1]| f32::from(u8::from(raw != 0))),
+            "|u1" => each(&bytes, |[raw]: [u8; 1]| f32::from(raw)),
+            "|i1" => each(&bytes, |raw| f32::from(i8::from_le_bytes(raw))),
+            "<u2" => each(&bytes, |raw| f32::from(u16::from_le_bytes(raw))),
+            "<i2" => each(&bytes, |raw| f32::from(i16::from_le_bytes(raw))),
+            "<u4" => each(&bytes, |raw| u32::from_le_bytes(raw) as f32),
+            "<i4" => each(&bytes, |raw| i32::from_le_bytes(raw) as f32),
+            "<u8" => each(&bytes, |raw| u64::from_le_bytes(raw) as f32),
+            "<i8" => each(&bytes, |raw| i64::from_le_bytes(raw) as f32),
             other => {
                 return Err(Error::bad_input(format!(
-                    "'{name}' holds elements of type {other}; wanted <f4 or <f8"
-                )));
+                    "'{name}' holds elements that numpy calls {other}; wanted numbers: floats, integers or bool"
+                ))
+                .with_hint(format!("in Python: {name} = {name}.astype(\"float32\")")));
             }
         };
         Ok(Array { values, shape: header.shape })
@@ -83,14 +105,35 @@ impl Npz {
         Ok(Array { values, shape: header.shape })
     }
 
+    /// All arrays with what their headers say; one without a header that can be read is left out.
+    pub(super) fn list(&mut self, read: &Columns) -> Vec<ColumnSeen> {
+        let mut seen = Vec::new();
+        for name in self.names() {
+            let mut start = Vec::new();
+            let Ok(entry) = self.archive.by_name(&format!("{name}.npy")) else { continue };
+            if entry.take(LONGEST_HEADER as u64 + 12).read_to_end(&mut start).is_err() {
+                continue;
+            }
+            let (shape, kind) = match Header::parse(&name, &start) {
+                Ok(header) => (Some(header.shape.iter().map(|&len| len as u64).collect()), header.element),
+                Err(_) => (None, "Python objects".to_owned()),
+            };
+            let of_numbers =
+                matches!(kind.get(1..2), Some("f" | "i" | "u" | "b")) && kind != "Python objects";
+            seen.push(ColumnSeen::new(name, shape, kind, of_numbers, read));
+        }
+        seen
+    }
+
     /// Header and elements of an array, after checking that both fit each other and the file.
     fn read(&mut self, name: &str) -> Result<(Header, Vec<u8>)> {
         let known = self.names();
         if !known.iter().any(|known| known == name) {
             return Err(Error::bad_input(format!(
                 "there is no array '{name}'; the file holds: {}",
-                known.join(", ")
-            )));
+                listed(&known)
+            ))
+            .with_hint(option_for(known.iter().map(String::as_str))));
         }
         let mut entry = self.archive.by_name(&format!("{name}.npy")).map_err(damaged)?;
         let most = self.file_len.saturating_mul(MOST_COMPRESSION);
@@ -114,6 +157,23 @@ impl Npz {
             .with_hint("the file is damaged or was not copied completely")),
         }
     }
+}
+
+/// An array of numbers, `[steps]` or `[steps, numbers a step]`, as a table; `name` may ask for a part of it.
+pub(super) fn table(file: &mut Npz, name: &str) -> Result<Rows> {
+    let named = Named::new(name);
+    let array = file.floats(named.column)?;
+    let width = match *array.shape.as_slice() {
+        [1..=usize::MAX] => 1,
+        [1..=usize::MAX, width @ 1..=usize::MAX] => width,
+        _ => {
+            return Err(Error::bad_input(format!(
+                "'{name}' has shape {:?}; wanted [steps, numbers a step], at least one of each, or [steps]; images are not read",
+                array.shape
+            )));
+        }
+    };
+    named.part_of(Rows::from_flat(array.values, width)?)
 }
 
 /// What stands before the elements of an array.
@@ -165,7 +225,8 @@ impl Header {
         if element.0.contains('O') {
             return Err(Error::bad_input(format!(
                 "'{name}' is an array of Python objects, which is never read; wanted numbers of one shape"
-            )));
+            ))
+            .with_hint(OBJECTS));
         }
         Ok(Self { element: element.0.to_owned(), shape, len })
     }

@@ -8,9 +8,14 @@ use std::path::{Path, PathBuf};
 
 use crate::basics::error::{Error, Result};
 use crate::basics::files;
+use crate::data::demonstration::choice::{self, Choice};
 use crate::data::demonstration::episode::{Columns, Format, MINARI_HDF5, RECORDED, Source};
+use crate::data::demonstration::listing::ColumnSeen;
+use crate::data::demonstration::named::listed;
+use crate::data::demonstration::parquet_table::Table;
 use crate::data::demonstration::{
-    DemonstrationSet, baselines_npz, d4rl, hdf5, imitation_npz, lerobot, minari, npz, robomimic,
+    DemonstrationSet, aloha, baselines_npz, d4rl, hdf5, imitation_npz, lerobot, minari, npz, pointer,
+    robomimic, stable_baselines_npz,
 };
 use crate::data::trajectory::StateLog;
 
@@ -53,6 +58,36 @@ pub fn open(path: &Path, format: Option<Format>, columns: &Columns) -> Result<So
     read(&found, columns).map_err(|error| error.at(path))
 }
 
+/// The same, but only the episodes that are chosen.
+///
+/// # Errors
+/// As [`open`], and `is_bad_input` if an episode or a filter key is named that is not there.
+pub fn open_chosen(
+    path: &Path,
+    format: Option<Format>,
+    columns: &Columns,
+    choice: &Choice,
+) -> Result<Source> {
+    let found = located(path, format)?;
+    let chosen = || {
+        let source = read(&found, columns)?;
+        let of_key = match &choice.filter_key {
+            Some(name) if found.format == Format::Robomimic => {
+                Some(robomimic::filter_key(&found.path, name)?)
+            }
+            Some(name) => {
+                return Err(Error::bad_input(format!(
+                    "--filter-key {name}: only a robomimic file has filter keys, and this is stored as {}",
+                    found.format
+                )));
+            }
+            None => None,
+        };
+        choice::choose(source, choice, of_key.as_deref())
+    };
+    chosen().map_err(|error| error.at(path))
+}
+
 fn read(Located { path, format }: &Located, columns: &Columns) -> Result<Source> {
     match format {
         Format::D4rl => d4rl::read_source(path, columns),
@@ -62,6 +97,45 @@ fn read(Located { path, format }: &Located, columns: &Columns) -> Result<Source>
         Format::Robomimic => robomimic::read_source(path, columns),
         Format::BaselinesNpz => baselines_npz::read_source(path, columns),
         Format::ImitationNpz => imitation_npz::read_source(path, columns),
+        Format::StableBaselinesNpz => stable_baselines_npz::read_source(path, columns),
+        Format::ManiSkill => minari::read_maniskill(path, columns),
+        Format::Aloha => aloha::read_source(path, columns),
+    }
+}
+
+/// Every column that the file or folder of a source holds, as far as it can be told; those of the first episode where each has
+/// its own.
+///
+/// # Errors
+/// As [`open`].
+pub fn columns(path: &Path, source: &Source) -> Result<Vec<ColumnSeen>> {
+    let (path, read) = (locate(path, Some(source.format))?.path, &source.columns);
+    let first = source.episodes.first().map_or("0", |episode| &episode.label);
+    let in_group = |path: &Path, group: &str| {
+        let opened = hdf5::open(path)?;
+        let root = opened.file.root();
+        if group.is_empty() {
+            return hdf5::list(&root, read);
+        }
+        hdf5::list(&root.group(group).map_err(hdf5::damaged)?, read)
+    };
+    match source.format {
+        Format::D4rl => in_group(&path, ""),
+        Format::LeRobotV3 | Format::LeRobotV2 => lerobot::list(&path, read),
+        Format::MinariHdf5 => in_group(&path, &format!("episode_{first}")),
+        Format::ManiSkill => in_group(&path, &format!("traj_{first}")),
+        Format::Robomimic => robomimic::list(&path, first, read),
+        Format::MinariParquet => match minari::parquet_files(&path)?.first() {
+            Some(file) => Ok(Table::open(file)?.list(read)),
+            None => Ok(Vec::new()),
+        },
+        Format::BaselinesNpz | Format::ImitationNpz | Format::StableBaselinesNpz => {
+            Ok(npz::open(&path)?.list(read))
+        }
+        Format::Aloha => match aloha::files(&path)?.first() {
+            Some(file) => in_group(file, ""),
+            None => Ok(Vec::new()),
+        },
     }
 }
 
@@ -82,6 +156,7 @@ pub fn files(path: &Path, format: Option<Format>) -> Result<Vec<PathBuf>> {
     match format {
         Format::LeRobotV3 | Format::LeRobotV2 => lerobot::files(&entry),
         Format::MinariParquet => minari::parquet_files(&entry),
+        Format::Aloha => aloha::files(&entry),
         _ => Ok(vec![entry]),
     }
 }
@@ -141,9 +216,10 @@ fn locate(path: &Path, format: Option<Format>) -> Result<Located> {
     Ok(Located { path: entry(path, format)?, format })
 }
 
-const KNOWN: &str = "known are: HDF5 files of D4RL, robomimic and Minari; npz files of baselines and imitation; \
-                     folders of LeRobot (meta/info.json), Minari (data/main_data.hdf5 or data/metadata.json) \
-                     and demosift (demonstrations.hdf5)";
+const KNOWN: &str = "known are: HDF5 files of D4RL, robomimic, Minari and ManiSkill; npz files of baselines, stable-baselines \
+                     and imitation; folders of LeRobot (meta/info.json), Minari (data/main_data.hdf5 or data/metadata.json), \
+                     ALOHA (episode_0.hdf5) and demosift (demonstrations.hdf5); docs/formats.md shows how to write your own \
+                     arrays";
 
 /// The format of what lies there.
 ///
@@ -170,7 +246,12 @@ fn entry(path: &Path, format: Format) -> Result<PathBuf> {
         Format::MinariHdf5 => folder_of_data(MINARI_HDF5).join(MINARI_HDF5),
         Format::MinariParquet => folder_of_data("metadata.json"),
         Format::LeRobotV3 | Format::LeRobotV2 => path.to_owned(),
-        Format::Robomimic | Format::BaselinesNpz | Format::ImitationNpz => {
+        Format::Aloha => path.to_owned(),
+        Format::Robomimic
+        | Format::BaselinesNpz
+        | Format::ImitationNpz
+        | Format::StableBaselinesNpz
+        | Format::ManiSkill => {
             return Err(Error::bad_input(format!(
                 "this is a folder; a demonstration set in {format} is a file"
             )));
@@ -188,13 +269,38 @@ fn of_folder(path: &Path) -> Result<Format> {
         Ok(Format::MinariParquet)
     } else if path.join(RECORDED).exists() {
         Ok(Format::D4rl)
+    } else if aloha::files(path).is_ok() {
+        Ok(Format::Aloha)
     } else {
-        Err(Error::bad_input(format!("this folder holds no {RECORDED}, so it is no demonstration set"))
-            .with_hint(KNOWN))
+        Err(of_no_folder(path))
     }
 }
 
+/// A folder that is none of the known ones; says what it is, where another tool is known to write such.
+fn of_no_folder(path: &Path) -> Error {
+    let has = |name: &str| path.join(name).exists();
+    if has("dataset_info.json") || has("dataset_dict.json") || has("state.json") {
+        return Error::bad_input(
+            "this is a folder of the `datasets` package (imitation 1.0 saves such), which is not read; wanted a file",
+        )
+        .with_hint(
+            "in Python, with imitation: import numpy as np; from imitation.data import serialize; ts = serialize.load(FOLDER); \
+             np.savez(\"set.npz\", obs=np.concatenate([t.obs for t in ts]), acts=np.concatenate([t.acts for t in ts]), \
+             indices=np.cumsum([len(t.acts) for t in ts])[:-1])",
+        );
+    }
+    if has(".zgroup") || has("zarr.json") {
+        return Error::bad_input(
+            "this is a zarr store, which is not read; wanted a file or folder of a known format",
+        )
+        .with_hint("docs/formats.md shows in ten lines how arrays become a file that is read");
+    }
+    Error::bad_input(format!("this folder holds no {RECORDED}, so it is no demonstration set"))
+        .with_hint(KNOWN)
+}
+
 fn of_file(path: &Path) -> Result<Format> {
+    pointer::refuse(path)?;
     let mut start = Vec::new();
     fs::File::open(path)
         .and_then(|file| file.take(8).read_to_end(&mut start))
@@ -219,9 +325,16 @@ fn of_file(path: &Path) -> Result<Format> {
     }
     let opened = hdf5::open(path)?;
     let groups = opened.file.root().groups().map_err(hdf5::damaged)?;
-    if groups.iter().any(|name| name == "data") {
+    let is_numbered = |prefix: &str| groups.iter().any(|name| name.starts_with(prefix));
+    if groups.iter().any(|name| name == "data") || is_numbered("demo_") {
         Ok(Format::Robomimic)
-    } else if groups.iter().any(|name| name.starts_with("episode_")) {
+    } else if is_numbered("traj_") {
+        Ok(Format::ManiSkill)
+    } else if aloha::is_episode(path) && groups.iter().any(|name| name == "observations") {
+        Err(Error::bad_input(
+            "this is one episode of a data set like those of ALOHA; wanted the folder of all",
+        ))
+    } else if is_numbered("episode_") {
         Ok(Format::MinariHdf5)
     } else {
         // Its reader says what is missing.
@@ -235,10 +348,14 @@ fn of_npz(names: &[String]) -> Result<Format> {
         Ok(Format::ImitationNpz)
     } else if has("acs") {
         Ok(Format::BaselinesNpz)
+    } else if has("episode_starts") {
+        Ok(Format::StableBaselinesNpz)
     } else {
         Err(Error::bad_input(format!(
-            "this npz file holds neither 'acs' (baselines) nor 'acts' (imitation); it holds: {}",
-            names.join(", ")
-        )))
+            "this npz file holds neither 'acs' (baselines) nor 'acts' (imitation) nor 'episode_starts' (stable-baselines); it \
+             holds: {}",
+            listed(names)
+        ))
+        .with_hint("docs/formats.md shows in ten lines how arrays become a file that is read"))
     }
 }

@@ -14,32 +14,84 @@ pub(super) struct Claims {
     pub(super) most_values: u64,
 }
 
-/// The claims of all pages of a column chunk; `None` if a header cannot be read, or claims more bytes than its page can hold.
-pub(super) fn claims(chunk: &[u8]) -> Option<Claims> {
+/// What a page's header says.
+pub(super) struct Header {
+    pub(super) kind: Kind,
+    /// Bytes of the page when it is not compressed.
+    pub(super) uncompressed: u64,
+    /// Numbers and gaps.
+    pub(super) values: u64,
+    /// The number of the encoding in `parquet.thrift`.
+    pub(super) encoding: u64,
+}
+
+/// What a page is.
+pub(super) enum Kind {
+    Dictionary,
+    Data { definition: u64, repetition: u64 },
+    DataV2 { gaps: u64, rows: u64, definition_len: u64, repetition_len: u64, is_compressed: bool },
+    Other,
+}
+
+/// The header of the page at the start of `chunk`, the bytes of the page, and the length of both together.
+pub(super) fn page(chunk: &[u8]) -> Option<(Header, &[u8], usize)> {
     const UNCOMPRESSED_BYTES: i16 = 2;
     const BYTES: i16 = 3;
     const DATA_PAGE: i16 = 5;
     const DICTIONARY_PAGE: i16 = 7;
     const DATA_PAGE_V2: i16 = 8;
-    let mut claims = Claims { values: 0, most_values: 0 };
     let mut rest = Bytes(chunk);
-    while !rest.0.is_empty() {
-        let header = rest.read_struct(DEEPEST)?;
-        let number = |id| find(&header, id).and_then(Field::number);
-        let (bytes, uncompressed) = (number(BYTES)?, number(UNCOMPRESSED_BYTES)?);
+    let fields = rest.read_struct(DEEPEST)?;
+    let number = |fields: &[(i16, Field)], id| find(fields, id).and_then(Field::number);
+    let (len, uncompressed) = (number(&fields, BYTES)?, number(&fields, UNCOMPRESSED_BYTES)?);
+    let mut header = Header { kind: Kind::Other, uncompressed, values: 0, encoding: 0 };
+    for id in [DATA_PAGE, DICTIONARY_PAGE, DATA_PAGE_V2] {
+        let Some(Field::Struct(page)) = find(&fields, id) else { continue };
+        header.values = number(page, 1)?;
+        let or_0 = |id| number(page, id).unwrap_or(0);
+        header.encoding = or_0(if id == DATA_PAGE_V2 { 4 } else { 2 });
+        header.kind = match id {
+            DICTIONARY_PAGE => Kind::Dictionary,
+            DATA_PAGE => Kind::Data { definition: or_0(3), repetition: or_0(4) },
+            _ => Kind::DataV2 {
+                gaps: or_0(2),
+                rows: or_0(3),
+                definition_len: or_0(5),
+                repetition_len: or_0(6),
+                is_compressed: !matches!(find(page, 7), Some(Field::Flag(false))),
+            },
+        };
+    }
+    let bytes = rest.take(usize::try_from(len).ok()?)?;
+    Some((header, bytes, chunk.len() - rest.0.len()))
+}
+
+/// The claims of all pages of a column chunk; `None` if a header cannot be read, or claims more bytes than its page can hold.
+///
+/// A page may always claim `free` bytes: zstd makes a few of however many that are alike.
+pub(super) fn claims(chunk: &[u8], free: u64) -> Option<Claims> {
+    const BY_DICTIONARY: [u64; 2] = [2, 8];
+    let mut claims = Claims { values: 0, most_values: 0 };
+    let mut has_dictionary = false;
+    let mut rest = chunk;
+    while !rest.is_empty() {
+        let (header, bytes, len) = page(rest)?;
         // A page of nothing but gaps is empty, and so are small pages before they are compressed.
-        if uncompressed > bytes.saturating_mul(MOST_COMPRESSION).saturating_add(MOST_COMPRESSION) {
+        let most = (bytes.len() as u64).saturating_mul(MOST_COMPRESSION).saturating_add(MOST_COMPRESSION);
+        if header.uncompressed > most.max(free) {
             return None;
         }
-        for id in [DATA_PAGE, DICTIONARY_PAGE, DATA_PAGE_V2] {
-            if let Some(Field::Struct(page)) = find(&header, id) {
-                let values = find(page, 1)?.number()?;
-                claims.most_values = claims.most_values.max(values);
-                // Claims of many pages may add up to more than there are numbers for.
-                claims.values = claims.values.saturating_add(if id == DICTIONARY_PAGE { 0 } else { values });
-            }
+        has_dictionary |= matches!(header.kind, Kind::Dictionary);
+        let is_of_data = matches!(header.kind, Kind::Data { .. } | Kind::DataV2 { .. });
+        // The decoder panics where a page means words of a dictionary that never came.
+        if is_of_data && BY_DICTIONARY.contains(&header.encoding) && !has_dictionary {
+            return None;
         }
-        rest.take(usize::try_from(bytes).ok()?)?;
+        claims.most_values = claims.most_values.max(header.values);
+        // Claims of many pages may add up to more than there are numbers for.
+        let of_data = if matches!(header.kind, Kind::Dictionary) { 0 } else { header.values };
+        claims.values = claims.values.saturating_add(of_data);
+        rest = &rest[len..];
     }
     Some(claims)
 }
@@ -51,6 +103,7 @@ const DEEPEST: usize = 6;
 enum Field {
     Number(i64),
     Struct(Vec<(i16, Field)>),
+    Flag(bool),
     Other,
 }
 
@@ -114,8 +167,10 @@ impl<'a> Bytes<'a> {
                 step => id.checked_add(i16::from(step))?,
             };
             // Truth stands in the type itself.
-            let field =
-                if matches!(byte & 0x0f, 1 | 2) { Field::Other } else { self.read(byte & 0x0f, deepest)? };
+            let field = match byte & 0x0f {
+                kind @ (1 | 2) => Field::Flag(kind == 1),
+                kind => self.read(kind, deepest)?,
+            };
             fields.push((id, field));
         }
     }
@@ -156,15 +211,23 @@ mod tests {
     fn headers_are_followed_from_page_to_page() {
         let page = [&HEADER[..], &[1, 2, 3]].concat();
         let chunk = [page.clone(), page].concat();
-        assert_eq!(claims(&chunk), Some(Claims { values: 20, most_values: 10 }));
-        assert_eq!(claims(&chunk[..chunk.len() - 1]), None, "cut off");
+        assert_eq!(claims(&chunk, 0), Some(Claims { values: 20, most_values: 10 }));
+        assert_eq!(claims(&chunk[..chunk.len() - 1], 0), None, "cut off");
     }
 
     #[test]
     fn a_claim_of_gigabytes_is_refused() {
         let mut page = [&HEADER[..], &[1, 2, 3]].concat();
         page.splice(3..4, [0xfe, 0xff, 0xff, 0xff, 0x0f]);
-        assert_eq!(claims(&page), None);
+        assert_eq!(claims(&page, 0), None);
+    }
+
+    #[test]
+    fn a_page_of_a_dictionary_that_never_came_is_refused() {
+        let mut page = [&HEADER[..], &[1, 2, 3]].concat();
+        // The encoding, in which a dictionary is number 8.
+        page[10] = 16;
+        assert_eq!(claims(&page, 0), None);
     }
 
     #[test]
@@ -174,7 +237,7 @@ mod tests {
         page.splice(8..9, [0xfe, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x01]);
         page.extend([1, 2, 3]);
         let most = i64::MAX.unsigned_abs();
-        assert_eq!(claims(&page), Some(Claims { values: most, most_values: most }));
-        assert_eq!(claims(&page.repeat(3)), Some(Claims { values: u64::MAX, most_values: most }));
+        assert_eq!(claims(&page, 0), Some(Claims { values: most, most_values: most }));
+        assert_eq!(claims(&page.repeat(3), 0), Some(Claims { values: u64::MAX, most_values: most }));
     }
 }

@@ -5,23 +5,31 @@
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use parquet::basic::{Compression, Type as Physical};
+use parquet::basic::{Compression, LogicalType, Type as Physical};
 use parquet::column::reader::{ColumnReaderImpl, get_typed_column_reader};
-use parquet::data_type::{BoolType, DataType, DoubleType, FloatType, Int32Type, Int64Type};
+use parquet::data_type::{
+    BoolType, ByteArrayType, DataType, DoubleType, FixedLenByteArrayType, FloatType, Int32Type, Int64Type,
+};
 use parquet::errors::ParquetError;
 use parquet::file::metadata::ColumnChunkMetaData;
 use parquet::file::reader::{ChunkReader as _, FileReader as _, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
 use crate::basics::error::{Error, Result};
-use crate::data::demonstration::episode::{side_by_side, trailing_number};
+use crate::data::demonstration::episode::{Columns, side_by_side, trailing_number};
+use crate::data::demonstration::listing::ColumnSeen;
+use crate::data::demonstration::named::{Named, half, listed, option_for};
 use crate::data::demonstration::parquet_pages;
+use crate::data::demonstration::parquet_zstd::Pages;
+use crate::data::demonstration::pointer;
 use crate::math::rows::Rows;
 
 /// A run of equal numbers takes a few bytes however long it is, so even a small file may hold this many.
 const FEW_NUMBERS: u64 = 1 << 22;
 /// More numbers a byte are a claim that no data set makes.
 const MOST_NUMBERS_A_BYTE: u64 = 64;
+/// A page of zstd may hold this many bytes, however few it was compressed to; writers make pages of 1 MiB.
+const MOST_BYTES_OF_A_FEW: u64 = 1 << 24;
 /// Rows that are decoded at a time.
 const BATCH: usize = 4096;
 
@@ -75,6 +83,7 @@ impl Table {
         let file = File::open(path).map_err(failed)?;
         let file_len = file.metadata().map_err(failed)?.len();
         let most_numbers = file_len.saturating_mul(MOST_NUMBERS_A_BYTE).max(FEW_NUMBERS);
+        pointer::refuse(path)?;
         let same = file.try_clone().map_err(failed)?;
         let reader = SerializedFileReader::new(same).map_err(|source| damaged(source).at(path))?;
         for group in reader.metadata().row_groups() {
@@ -105,6 +114,30 @@ impl Table {
         self.find(name).len() == 1
     }
 
+    /// All columns; how many numbers a row has stands nowhere.
+    pub(super) fn list(&self, read: &Columns) -> Vec<ColumnSeen> {
+        let columns = self.reader.metadata().file_metadata().schema_descr().columns();
+        let seen = columns.iter().map(|column| {
+            let (kind, of_numbers) = match column.physical_type() {
+                Physical::FLOAT => ("f32", true),
+                Physical::DOUBLE => ("f64", true),
+                Physical::INT32 => ("i32", true),
+                Physical::INT64 => ("i64", true),
+                Physical::BOOLEAN => ("bool", true),
+                Physical::FIXED_LEN_BYTE_ARRAY
+                    if column.logical_type_ref() == Some(&LogicalType::Float16) =>
+                {
+                    ("f16", true)
+                }
+                Physical::BYTE_ARRAY => ("text or image", false),
+                _ => ("other", false),
+            };
+            let list = if column.max_rep_level() > 0 { "list of " } else { "" };
+            ColumnSeen::new(shown(column), None, format!("{list}{kind}"), of_numbers, read)
+        });
+        seen.collect()
+    }
+
     /// Each name with the columns below it, in alphabetical order where it is a dictionary, in place of itself.
     pub(super) fn leaves(&self, names: &[String]) -> Vec<String> {
         let mut all = Vec::new();
@@ -121,7 +154,10 @@ impl Table {
     /// # Errors
     /// `is_bad_input` if there is no such column, it holds something else, or the columns differ in length.
     pub(super) fn floats_side_by_side(&self, names: &[String]) -> Result<Rows> {
-        let tables = names.iter().map(|name| Ok((name.as_str(), self.floats(name)?)));
+        let tables = names.iter().map(|name| {
+            let named = if self.find(name).is_empty() { Named::new(name) } else { Named::new_whole(name) };
+            Ok((name.as_str(), named.part_of(self.floats(named.column)?)?))
+        });
         side_by_side(&tables.collect::<Result<Vec<_>>>()?)
     }
 
@@ -129,7 +165,18 @@ impl Table {
         let Column { values, width } = match self.physical(name)? {
             Physical::FLOAT => self.column::<FloatType, f32>(name, |value| value)?,
             Physical::DOUBLE => self.column::<DoubleType, f32>(name, |value| value as f32)?,
-            other => return Err(wrong_type(name, other, "FLOAT or DOUBLE")),
+            Physical::INT32 => self.column::<Int32Type, f32>(name, |value| value as f32)?,
+            Physical::INT64 => self.column::<Int64Type, f32>(name, |value| value as f32)?,
+            Physical::BOOLEAN => self.column::<BoolType, f32>(name, |value| f32::from(u8::from(value)))?,
+            Physical::FIXED_LEN_BYTE_ARRAY if self.is_half(name)? => self
+                .column::<FixedLenByteArrayType, f32>(name, |value| match *value.data() {
+                    [low, high] => half(u16::from_le_bytes([low, high])),
+                    _ => f32::NAN,
+                })?,
+            Physical::BYTE_ARRAY => {
+                return Err(Error::bad_input(format!("'{name}' holds text or images; wanted numbers")));
+            }
+            other => return Err(wrong_type(name, other, "numbers")),
         };
         Rows::from_flat(values, width).map_err(|error| error.during(name))
     }
@@ -164,8 +211,28 @@ impl Table {
         Ok(values)
     }
 
+    /// The first word of each row of a column of text.
+    ///
+    /// # Errors
+    /// As [`floats_side_by_side`](Self::floats_side_by_side); and `is_bad_input` if rows differ in how many words they have.
+    pub(super) fn words(&self, name: &str) -> Result<Vec<String>> {
+        let Column { values, width } = match self.physical(name)? {
+            Physical::BYTE_ARRAY => self.column::<ByteArrayType, String>(name, |value| {
+                String::from_utf8_lossy(value.data()).into_owned()
+            })?,
+            other => return Err(wrong_type(name, other, "text")),
+        };
+        Ok(values.into_iter().step_by(width.max(1)).collect())
+    }
+
     fn physical(&self, name: &str) -> Result<Physical> {
         Ok(self.reader.metadata().file_metadata().schema_descr().column(self.index(name)?).physical_type())
+    }
+
+    fn is_half(&self, name: &str) -> Result<bool> {
+        let schema = self.reader.metadata().file_metadata().schema_descr();
+        let column = schema.column(self.index(name)?);
+        Ok(column.type_length() == 2 && column.logical_type_ref() == Some(&LogicalType::Float16))
     }
 
     /// Position of a column among those that hold numbers.
@@ -177,7 +244,9 @@ impl Table {
             [] => {
                 let mut known: Vec<String> = columns.iter().map(|column| shown(column)).collect();
                 known.dedup();
-                Err(Error::bad_input(format!("there is no column '{name}'; there are: {}", known.join(", "))))
+                let hint = option_for(known.iter().map(String::as_str));
+                let message = format!("there is no column '{name}'; there are: {}", listed(&known));
+                Err(Error::bad_input(message).with_hint(hint))
             }
             _ => Err(Error::bad_input(format!(
                 "'{name}' has several parts ({}); name those that are wanted",
@@ -200,7 +269,13 @@ impl Table {
             self.check_pages(group.metadata().column(index), name)?;
             let rows = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
             let descriptor = group.metadata().column(index).column_descr_ptr();
-            let reader = get_typed_column_reader::<T>(group.get_column_reader(index).map_err(damaged)?);
+            let column_chunk = group.metadata().column(index);
+            let reader = if matches!(column_chunk.compression(), Compression::ZSTD(_)) {
+                let pages = Pages::new(self.chunk(column_chunk)?.to_vec());
+                ColumnReaderImpl::<T>::new(descriptor.clone(), Box::new(pages))
+            } else {
+                get_typed_column_reader::<T>(group.get_column_reader(index).map_err(damaged)?)
+            };
             read_rows(
                 reader,
                 &descriptor,
@@ -213,19 +288,24 @@ impl Table {
         Ok(column)
     }
 
+    fn chunk(&self, column: &ColumnChunkMetaData) -> Result<impl std::ops::Deref<Target = [u8]> + use<>> {
+        let (start, len) = column.byte_range();
+        self.file.get_bytes(start, usize::try_from(len).unwrap_or(0)).map_err(damaged)
+    }
+
     /// Refuses pages that claim more than they can hold, before the decoder believes them.
     fn check_pages(&self, column: &ColumnChunkMetaData, name: &str) -> Result<()> {
         let compression = column.compression();
-        if matches!(compression, Compression::ZSTD(_) | Compression::BROTLI(_) | Compression::LZO) {
+        if matches!(compression, Compression::BROTLI(_) | Compression::LZO) {
             return Err(Error::bad_input(format!(
-                "column '{name}' is compressed by {compression}; wanted SNAPPY, GZIP, LZ4 or no compression"
+                "column '{name}' is compressed by {compression}; wanted SNAPPY, GZIP, LZ4, ZSTD or no compression"
             ))
             .with_hint("pyarrow.parquet.write_table(..., compression=\"snappy\") writes the table anew"));
         }
-        let (start, len) = column.byte_range();
-        let chunk = self.file.get_bytes(start, usize::try_from(len).unwrap_or(0)).map_err(damaged)?;
+        let free = if matches!(compression, Compression::ZSTD(_)) { MOST_BYTES_OF_A_FEW } else { 0 };
+        let chunk = self.chunk(column)?;
         let claimed = u64::try_from(column.num_values()).unwrap_or(0);
-        match parquet_pages::claims(&chunk) {
+        match parquet_pages::claims(&chunk, free) {
             Some(claims) if claims.values <= claimed && claims.most_values <= self.most_numbers => Ok(()),
             _ => Err(Error::bad_input(format!(
                 "the parquet file is damaged: the pages of column '{name}' claim more than they can hold"

@@ -16,8 +16,10 @@ use std::path::Path;
 use hdf5_pure::{DType, File, Group};
 
 use crate::basics::error::{Error, Result};
-use crate::data::demonstration::episode::{Columns, Episode, Format, Source, trailing_number};
+use crate::data::demonstration::episode::{Columns, Episode, Format, Source};
 use crate::data::demonstration::hdf5::{self, damaged, find_below, find_group};
+use crate::data::demonstration::listing::ColumnSeen;
+use crate::data::demonstration::named::{Named, listed};
 
 const OBSERVATIONS: &str = "obs/";
 const NEXT_OBSERVATIONS: &str = "next_obs/";
@@ -29,50 +31,127 @@ const NEXT_OBSERVATIONS: &str = "next_obs/";
 pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
     let opened = hdf5::open(path)?;
     let root = opened.file.root();
-    let data = find_group(&root, "data")?.map_or_else(|| Err(hdf5::missing(&root, "data/")?), Ok)?;
-    let labels = episode_names(&data)?;
+    let data = match find_group(&root, "data")? {
+        Some(data) => data,
+        // Some tools leave out the group around the episodes.
+        None if root.groups().map_err(damaged)?.iter().any(|name| name.starts_with("demo_")) => {
+            opened.file.root()
+        }
+        None => return Err(hdf5::missing(&root, "data/")?),
+    };
+    let (labels, mut not_read) = episode_names(&data)?;
     let first = data.group(&labels[0]).map_err(damaged)?;
     let columns = Columns {
         observations: if columns.observations.is_empty() {
             usual_observations(&first).map_err(|error| error.during(&labels[0]))?
         } else {
-            columns.observations.clone()
+            columns.observations.iter().map(|name| in_full(&first, name)).collect::<Result<_>>()?
         },
         ..columns.or("", "actions")
     };
+    not_read.extend(left_out(&first, &columns.observations)?);
     let episodes = labels.iter().map(|label| {
-        let group = data.group(label).map_err(damaged)?;
-        read_episode(&group, label, &columns, opened.file_len).map_err(|error| error.during(label))
+        let read = data
+            .group(label)
+            .map_err(damaged)
+            .and_then(|group| {
+                let read = read_episode(&group, label, &columns, opened.file_len);
+                read.map_err(|error| error.with_hint(hdf5::option_below(&group)))
+            })
+            .map_err(|error| error.during(label));
+        (label.clone(), read)
     });
-    let episodes = episodes.collect::<Result<_>>()?;
-    Ok(Source { format: Format::Robomimic, columns, episodes, dropped_steps: 0 })
+    let episodes = Episode::all_or_some(episodes.collect())?;
+    Ok(Source { not_read, ..Source::new(Format::Robomimic, columns, episodes) })
 }
 
-/// Names of the episodes by their numbers, at least one.
-fn episode_names(data: &Group) -> Result<Vec<String>> {
-    let mut names: Vec<String> = data.groups().map_err(damaged)?;
-    names.retain(|name| name.starts_with("demo_") && trailing_number(name).is_some());
-    names.sort_by_key(|name| trailing_number(name));
-    if names.is_empty() {
-        return Err(Error::bad_input("'data' holds no episode; wanted groups demo_0, demo_1, …"));
+/// What is said of observations that are not read, and why not; `None` if all are.
+fn left_out(episode: &Group, read: &[String]) -> Result<Option<String>> {
+    let Some(group) = find_group(episode, "obs")? else { return Ok(None) };
+    let (mut others, mut first) = (Vec::new(), None);
+    let mut names = group.datasets().map_err(damaged)?;
+    names.sort();
+    for name in names {
+        let full = format!("{OBSERVATIONS}{name}");
+        if read.iter().any(|column| *column == full || Named::new(column).column == full) {
+            continue;
+        }
+        let dataset = group.dataset(&name).map_err(damaged)?;
+        let (shape, element) = (dataset.shape().map_err(damaged)?, dataset.dtype().map_err(damaged)?);
+        let why = match shape.len() {
+            _ if !hdf5::is_number(&element) => "no numbers".to_owned(),
+            1 => "one number a step".to_owned(),
+            2 => element.to_string(),
+            _ => "an image".to_owned(),
+        };
+        if hdf5::is_number(&element) && shape.len() <= 2 {
+            first.get_or_insert_with(|| full.clone());
+        }
+        others.push(format!("{full} ({why})"));
     }
-    Ok(names)
+    let way = first.map_or_else(String::new, |name| {
+        format!("; what holds numbers is read by name: --observation-columns {},{name}", read.join(","))
+    });
+    Ok((!others.is_empty()).then(|| format!("Left out of the observation: {}{way}.", listed(others))))
 }
 
+/// All columns of the first episode.
+///
+/// # Errors
+/// As [`read_source`].
+pub(super) fn list(path: &Path, label: &str, read: &Columns) -> Result<Vec<ColumnSeen>> {
+    let opened = hdf5::open(path)?;
+    let root = opened.file.root();
+    let data = match find_group(&root, "data")? {
+        Some(data) => data,
+        None => root,
+    };
+    hdf5::list(&data.group(label).map_err(damaged)?, read)
+}
+
+/// Names of the episodes by their numbers, at least one; and what is said of other groups.
+fn episode_names(data: &Group) -> Result<(Vec<String>, Vec<String>)> {
+    hdf5::numbered_groups(data, "demo_")?.map_or_else(
+        |groups| {
+            Err(Error::bad_input(format!(
+                "'data' holds no episode; wanted groups demo_0, demo_1, …, and there are: {groups}"
+            )))
+        },
+        Ok,
+    )
+}
+
+/// A column as the file names it: robomimic's own configurations leave `obs/` out.
+fn in_full(episode: &Group, name: &str) -> Result<String> {
+    let column = Named::new(name).column;
+    let full = format!("{OBSERVATIONS}{column}");
+    let is_short = find_below(episode, column)?.is_none() && find_below(episode, &full)?.is_some();
+    Ok(if is_short { format!("{OBSERVATIONS}{name}") } else { name.to_owned() })
+}
+
+/// Tables of floating point; where there is none, columns of one number and integers.
 fn usual_observations(episode: &Group) -> Result<Vec<String>> {
-    let mut names = Vec::new();
+    let (mut names, mut others) = (Vec::new(), Vec::new());
     if let Some(group) = find_group(episode, "obs")? {
         for name in group.datasets().map_err(damaged)? {
             let dataset = group.dataset(&name).map_err(damaged)?;
-            let flat = dataset.shape().map_err(damaged)?.len() == 2;
-            if flat && matches!(dataset.dtype().map_err(damaged)?, DType::F32 | DType::F64) {
-                names.push(format!("{OBSERVATIONS}{name}"));
+            let flat = dataset.shape().map_err(damaged)?.len();
+            let element = dataset.dtype().map_err(damaged)?;
+            let of_numbers = hdf5::is_number(&element);
+            let full = format!("{OBSERVATIONS}{name}");
+            match element {
+                DType::F32 | DType::F64 if flat == 2 => names.push(full),
+                _ if of_numbers && matches!(flat, 1 | 2) => others.push(full),
+                _ => {}
             }
         }
     }
+    if names.is_empty() {
+        names = others;
+    }
     names.sort();
     if names.is_empty() {
-        return Err(Error::bad_input("there is no observation 'obs/<name>' [T, numbers] of f32 or f64").with_hint(
+        return Err(Error::bad_input("there is no observation 'obs/<name>' [T, numbers]").with_hint(
             "robomimic's dataset_states_to_obs.py adds observations to a file of states; or name columns, such as states",
         ));
     }
@@ -89,12 +168,8 @@ fn read_episode(group: &Group, label: &str, columns: &Columns, file_len: u64) ->
             actions.len()
         )));
     }
-    Ok(Episode {
-        label: label.to_owned(),
-        last_observation: last_observation(group, &columns.observations, observations.len(), file_len)?,
-        observations,
-        actions,
-    })
+    let last = last_observation(group, &columns.observations, observations.len(), file_len)?;
+    Ok(Episode::new(label.to_owned(), observations, actions, last))
 }
 
 /// The last row of `next_obs`, if all columns have one there.
@@ -109,6 +184,8 @@ fn last_observation(
 ) -> Result<Option<Vec<f32>>> {
     let mut row = Vec::new();
     for name in names {
+        let named = Named::new(name);
+        let name = named.column;
         let Some(key) = name.strip_prefix(OBSERVATIONS) else { return Ok(None) };
         let next = format!("{NEXT_OBSERVATIONS}{key}");
         let Some(dataset) = find_below(group, &next)? else { return Ok(None) };
@@ -127,9 +204,32 @@ fn last_observation(
         if table.is_empty() {
             return Ok(None);
         }
+        let table = named.part_of(table)?;
         row.extend_from_slice(table.row(table.len() - 1));
     }
     Ok(Some(row))
+}
+
+/// The names of the episodes of a filter key.
+///
+/// # Errors
+/// `is_bad_input` if the file has no such key; names those that it has.
+pub(super) fn filter_key(path: &Path, name: &str) -> Result<Vec<String>> {
+    let opened = hdf5::open(path)?;
+    let root = opened.file.root();
+    let mask = find_group(&root, "mask")?;
+    let known = mask.as_ref().map_or(Ok(Vec::new()), |mask| mask.datasets().map_err(damaged))?;
+    let dataset = match &mask {
+        Some(mask) if known.iter().any(|key| key == name) => mask.dataset(name).map_err(damaged)?,
+        _ => {
+            return Err(Error::bad_input(format!(
+                "there is no filter key '{name}'; the file has: {}",
+                listed(&known)
+            )));
+        }
+    };
+    hdf5::check_size(&dataset, name, &dataset.shape().map_err(damaged)?, opened.file_len)?;
+    dataset.read_string().map_err(damaged)
 }
 
 /// Adds a filter key to the file: a named subset, which robomimic trains on if asked for it by name.
@@ -154,7 +254,8 @@ fn add_key(path: &Path, name: &str, labels: &[String]) -> Result<()> {
         Some(mask) if mask.datasets().map_err(damaged)?.iter().any(|known| known == name) => {
             return Err(Error::bad_input(format!(
                 "there is a filter key '{name}' already; wanted another name"
-            )));
+            ))
+            .with_hint("--name NAME gives another name to the key"));
         }
         Some(_) => {}
         None => {

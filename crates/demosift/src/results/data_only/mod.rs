@@ -12,6 +12,7 @@ mod cloning_loss;
 mod jerk;
 mod length;
 mod mutual_information;
+mod spectral;
 
 use serde::{Deserialize, Serialize};
 
@@ -26,6 +27,7 @@ pub use cloning_loss::cloning_loss;
 pub use jerk::jerk;
 pub use length::length;
 pub use mutual_information::mutual_information;
+pub use spectral::{arc_length, fast_power};
 
 /// The opinions on a set.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -48,7 +50,8 @@ pub struct Column {
 impl Column {
     /// Spearman's rank correlation with the gains of a ranking; `None` where one of both finds all alike.
     pub fn agreement(&self, ranking: &Ranking) -> Option<f64> {
-        let both = ranking.entries.iter().map(|entry| (entry.gain, self.scores[entry.demo.0]));
+        let both =
+            ranking.entries.iter().map(|entry| (entry.gain, self.scores[ranking.place_in_set(entry.demo)]));
         let (gains, scores): (Vec<f64>, Vec<f64>) = both.unzip();
         Some(agreement::spearman(&gains, &scores)).filter(|agreement| agreement.is_finite())
     }
@@ -58,7 +61,7 @@ impl Column {
 type Scorer = fn(&DemonstrationSet) -> Result<Option<Vec<f64>>>;
 
 /// Every scorer with its name and what its number is.
-const SCORERS: [(&str, &str, Scorer); 5] = [
+const SCORERS: [(&str, &str, Scorer); 7] = [
     ("length", "minus the number of steps: who is good at it is done sooner", length),
     ("jerk", "minus the root mean square of the third differences of the observations", jerk),
     ("action range", "share of the set's range of actions that it uses", action_range),
@@ -71,6 +74,16 @@ const SCORERS: [(&str, &str, Scorer); 5] = [
         "cloning loss",
         "minus the squared error of a policy cloned from the other demonstrations",
         cloning_loss,
+    ),
+    (
+        "arc length",
+        "minus the arc length of the spectrum of its speed: smooth motions have few frequencies",
+        arc_length,
+    ),
+    (
+        "fast power",
+        "minus the share of its power spectral density at periods of less than eight steps",
+        fast_power,
     ),
 ];
 

@@ -104,7 +104,7 @@ mod tests {
         let targets: Vec<_> =
             set.ids().into_iter().map(|demo| Target { demo, variant: EnvVariant(0) }).collect();
         let playground = &Playground::new(&task);
-        let (prior, weights) = (&state.prior, &Weights::ones(set.len()));
+        let (prior, weights) = (&state.prior, &Weights::ones(set));
         let round = Round { prior, targets: &targets, weights, playground, inner: &inner, seed: &seed };
         let played = round.play(&demonstrated, None).expect("finite numbers");
         assert_eq!((played.environment_steps, playground.steps_taken()), (0, 0), "cloning plays nothing");

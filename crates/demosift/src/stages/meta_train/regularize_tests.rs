@@ -47,7 +47,7 @@ fn scene_of(how: &MutualInformation, goals: usize, seed: Seed) -> Scene {
     let prior = Learner::untrained(&set, &shape, &[8], &Seed::new(1));
     let target = |demo: DemoId| Target { demo, variant: EnvVariant(demo.0 % goals) };
     let targets: Vec<_> = set.ids().into_iter().map(target).collect();
-    let weights = &Weights::ones(set.len());
+    let weights = &Weights::ones(&set);
     let round = Round { prior: &prior, targets: &targets, weights, playground, inner: &inner, seed: &seed };
     let before = super::super::play_before(&round).expect("finite numbers");
     let demonstrated = prior.demonstrated_pairs(&set);

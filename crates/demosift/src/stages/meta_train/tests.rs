@@ -38,7 +38,7 @@ fn played_from(state: &MetaState, set: &DemonstrationSet, demonstrated: &[Rows])
     let (task, inner) = (PointMass::new(), inner());
     let playground = Playground::new(&task);
     let targets: Vec<_> = set.ids().into_iter().map(|demo| Target { demo, variant: EnvVariant(0) }).collect();
-    let (prior, weights, seed) = (&state.prior, &Weights::ones(set.len()), Seed::new(2));
+    let (prior, weights, seed) = (&state.prior, &Weights::ones(set), Seed::new(2));
     let (inner, playground, seed) = (&inner, &playground, &seed);
     let round = Round { prior, targets: &targets, weights, playground, inner, seed };
     round.play(demonstrated, None).expect("finite numbers")

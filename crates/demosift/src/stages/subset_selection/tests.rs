@@ -90,14 +90,14 @@ fn algorithm_3_lines_7_to_11_multiply_by_beta_and_the_exponential() {
 #[test]
 fn algorithm_3_a_good_demonstration_never_loses_weight_and_a_bad_one_never_gains_any() {
     for delta in [1e-9, 0.1, 3.0, 28.0] {
-        let found = values(&adjusted(&Weights::ones(2), &[delta, -delta], &how()));
+        let found = values(&adjusted(&Weights::new(vec![1.0; 2]), &[delta, -delta], &how()));
         assert!(found[0] > 1.0 && found[1] < 1.0, "{delta}: {found:?}");
     }
 }
 
 #[test]
 fn algorithm_3_weights_neither_overflow_nor_vanish() {
-    let mut weights = Weights::ones(2);
+    let mut weights = Weights::new(vec![1.0; 2]);
     for _ in 0..1000 {
         weights = adjusted(&weights, &[14.0, -14.0], &how());
     }
@@ -113,12 +113,12 @@ fn algorithm_3_weights_neither_overflow_nor_vanish() {
 /// Once θ is as good as the best, no Δ is above 0; the good ones do not fall below the mean for that.
 #[test]
 fn algorithm_3_weights_are_compared_with_each_other() {
-    let mut weights = Weights::ones(3);
+    let mut weights = Weights::new(vec![1.0; 3]);
     for _ in 0..5 {
         weights = adjusted(&weights, &[-0.1, -0.12, -1.4], &how());
     }
     assert_eq!(kept(&weights, &how()), [DemoId(0), DemoId(1)]);
-    let alone = adjusted(&Weights::ones(1), &[-3.0], &how());
+    let alone = adjusted(&Weights::new(vec![1.0; 1]), &[-3.0], &how());
     assert_eq!(values(&alone), [1.0]);
 }
 

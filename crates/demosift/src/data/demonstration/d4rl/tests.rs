@@ -120,7 +120,7 @@ fn states_are_cut_where_the_demonstrations_are() {
     for (velocities, wanted) in [
         (&[][..], &["'infos/qpos' but no 'infos/qvel'"][..]),
         (&[4, 1], &["'infos/qvel' has 4", "one row a step"]),
-        (&[5], &["shape [5]", "two dimensions"]),
+        (&[5, 1, 1], &["shape [5, 1, 1]", "two dimensions"]),
     ] {
         std::fs::write(scratch.file(), bytes(velocities)).unwrap();
         let error = read_states(&scratch.file()).unwrap_err();
@@ -207,9 +207,9 @@ fn datasets_that_are_wrong() {
         (
             "type",
             file_with(|file| {
-                file.create_dataset("observations").with_i32_data(&[1; 6]).with_shape(&[3, 2]);
+                file.create_dataset("observations").with_vlen_strings(&["reach", "grasp"]);
             }),
-            &["type i32", "f32 or f64"],
+            &["'observations' holds text", "floats, integers or bool"],
         ),
         (
             "lengths",

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde_json::{Map, Value, json};
 
 use super::INFO;
+use super::description::Described;
 use super::states::{QPOS, QVEL};
 use crate::basics::error::{Error, Result};
 use crate::basics::files;
@@ -30,7 +31,6 @@ struct Feature {
 /// Writes episodes as a LeRobot v3.0 data set into a new folder, which appears whole or not at all.
 ///
 /// Episodes are numbered from 0 in their order; `states` become the columns `simulator.qpos` and `simulator.qvel`.
-/// `steps_per_sec` is a whole number in LeRobot, and `task` is the sentence that it keeps of every episode.
 /// A final observation has no row and is left out.
 ///
 /// # Errors
@@ -40,22 +40,22 @@ pub fn write(
     path: &Path,
     episodes: &[Episode],
     states: Option<&[StateLog]>,
-    steps_per_sec: u32,
-    task: &str,
+    described: &Described,
 ) -> Result<()> {
     let lengths: Vec<usize> = episodes.iter().map(|episode| episode.actions.len()).collect();
     if lengths.iter().sum::<usize>() == 0 {
         return Err(Error::bad_input("no step of an episode to write; at least 1 is needed"));
     }
     let features = features(episodes, states)?;
-    let indices = Indices::of(&lengths, steps_per_sec);
-    let description = format!("{:#}\n", describe(&features, &lengths, steps_per_sec));
+    let tasks = Tasks::of(&described.tasks, episodes.len());
+    let indices = Indices::of(&lengths, described.steps_per_sec, &tasks);
+    let description = format!("{:#}\n", describe(&features, &lengths, described, tasks.all.len()));
     let statistics = format!("{:#}\n", statistics(&features, &indices));
     let steps = steps_table(&features, indices)?;
     let contents: [(&str, Vec<u8>); 5] = [
         ("data/chunk-000/file-000.parquet", steps),
-        ("meta/episodes/chunk-000/file-000.parquet", episodes_table(&lengths, task)?),
-        ("meta/tasks.parquet", tasks_table(task)?),
+        ("meta/episodes/chunk-000/file-000.parquet", episodes_table(&lengths, &tasks)?),
+        ("meta/tasks.parquet", tasks_table(&tasks)?),
         ("meta/stats.json", statistics.into_bytes()),
         (INFO, description.into_bytes()),
     ];
@@ -112,20 +112,49 @@ fn features(episodes: &[Episode], states: Option<&[StateLog]>) -> Result<Vec<Fea
     Ok(features)
 }
 
+/// The tasks of the episodes, each task once.
+struct Tasks {
+    all: Vec<String>,
+    of_episode: Vec<usize>,
+}
+
+impl Tasks {
+    /// Of fewer sentences than episodes the last counts for the rest.
+    fn of(sentences: &[String], episodes: usize) -> Self {
+        let mut tasks = Self { all: Vec::new(), of_episode: Vec::with_capacity(episodes) };
+        for index in 0..episodes {
+            let sentence = sentences.get(index).or(sentences.last()).cloned().unwrap_or_default();
+            let place = tasks.all.iter().position(|known| *known == sentence).unwrap_or_else(|| {
+                tasks.all.push(sentence);
+                tasks.all.len() - 1
+            });
+            tasks.of_episode.push(place);
+        }
+        tasks
+    }
+}
+
 /// Where each step stands.
 struct Indices {
     timestamp_secs: Vec<f32>,
     frame: Vec<i64>,
     episode: Vec<i64>,
+    task: Vec<i64>,
 }
 
 impl Indices {
-    fn of(lengths: &[usize], steps_per_sec: u32) -> Self {
+    fn of(lengths: &[usize], steps_per_sec: u32, tasks: &Tasks) -> Self {
         let frame: Vec<i64> = lengths.iter().flat_map(|&len| 0..len as i64).collect();
         let numbered = (0_i64..).zip(lengths);
         Self {
             timestamp_secs: frame.iter().map(|&step| step as f32 / steps_per_sec as f32).collect(),
             episode: numbered.flat_map(|(index, &len)| std::iter::repeat_n(index, len)).collect(),
+            task: tasks
+                .of_episode
+                .iter()
+                .zip(lengths)
+                .flat_map(|(&task, &len)| std::iter::repeat_n(task as i64, len))
+                .collect(),
             frame,
         }
     }
@@ -139,7 +168,7 @@ impl Indices {
             ("frame_index", numbers(&self.frame)),
             ("episode_index", numbers(&self.episode)),
             ("index", (0..steps).map(|step| step as f64).collect()),
-            ("task_index", vec![0.0; steps]),
+            ("task_index", numbers(&self.task)),
         ]
     }
 }
@@ -164,12 +193,12 @@ fn steps_table(features: &[Feature], indices: Indices) -> Result<Vec<u8>> {
         ("frame_index", Values::Integers(indices.frame)),
         ("episode_index", Values::Integers(indices.episode)),
         ("index", Values::Integers((0..steps as i64).collect())),
-        ("task_index", Values::Integers(vec![0; steps])),
+        ("task_index", Values::Integers(indices.task)),
     ]);
     encode(&columns, Vec::new())
 }
 
-fn episodes_table(lengths: &[usize], task: &str) -> Result<Vec<u8>> {
+fn episodes_table(lengths: &[usize], tasks: &Tasks) -> Result<Vec<u8>> {
     let count = lengths.len();
     let ends: Vec<i64> = lengths
         .iter()
@@ -183,7 +212,7 @@ fn episodes_table(lengths: &[usize], task: &str) -> Result<Vec<u8>> {
     let zeros = || Values::Integers(vec![0; count]);
     let columns = [
         ("episode_index", Values::Integers((0..count as i64).collect())),
-        ("tasks", Values::WordLists(vec![task.to_owned(); count])),
+        ("tasks", Values::WordLists(tasks.of_episode.iter().map(|&task| tasks.all[task].clone()).collect())),
         ("length", Values::Integers(lengths)),
         ("data/chunk_index", zeros()),
         ("data/file_index", zeros()),
@@ -196,9 +225,12 @@ fn episodes_table(lengths: &[usize], task: &str) -> Result<Vec<u8>> {
 }
 
 /// LeRobot reads this table with pandas, and looks the task up by the name of its row.
-fn tasks_table(task: &str) -> Result<Vec<u8>> {
+fn tasks_table(tasks: &Tasks) -> Result<Vec<u8>> {
     const NAME: &str = "__index_level_0__";
-    let columns = [("task_index", Values::Integers(vec![0])), (NAME, Values::Words(vec![task.to_owned()]))];
+    let columns = [
+        ("task_index", Values::Integers((0..tasks.all.len() as i64).collect())),
+        (NAME, Values::Words(tasks.all.clone())),
+    ];
     let described = |name: Value, field: &str, kind: &str, element: &str| json!({ "name": name, "field_name": field, "pandas_type": kind, "numpy_type": element, "metadata": null });
     let pandas = json!({
         "index_columns": [NAME],
@@ -215,11 +247,16 @@ fn tasks_table(task: &str) -> Result<Vec<u8>> {
     encode(&columns, vec![("pandas", pandas.to_string())])
 }
 
-fn describe(features: &[Feature], lengths: &[usize], steps_per_sec: u32) -> Value {
+fn describe(features: &[Feature], lengths: &[usize], of: &Described, tasks: usize) -> Value {
     let mut described = Map::new();
     for feature in features {
-        let names: Vec<String> =
-            (0..feature.width).map(|column| format!("{}_{column}", feature.name)).collect();
+        let known = match feature.name {
+            "observation.state" => of.observation_names.clone(),
+            "action" => of.action_names.clone(),
+            _ => None,
+        };
+        let numbered = || (0..feature.width).map(|column| format!("{}_{column}", feature.name)).collect();
+        let names: Value = known.unwrap_or_else(numbered);
         described.insert(
             feature.name.to_owned(),
             json!({ "dtype": feature.element, "shape": [feature.width], "names": names }),
@@ -236,14 +273,14 @@ fn describe(features: &[Feature], lengths: &[usize], steps_per_sec: u32) -> Valu
     }
     json!({
         "codebase_version": "v3.0",
-        "robot_type": null,
+        "robot_type": of.robot_type,
         "total_episodes": lengths.len(),
         "total_frames": lengths.iter().sum::<usize>(),
-        "total_tasks": 1,
+        "total_tasks": tasks,
         "chunks_size": 1000,
         "data_files_size_in_mb": DATA_MEGABYTES,
         "video_files_size_in_mb": VIDEO_MEGABYTES,
-        "fps": steps_per_sec,
+        "fps": of.steps_per_sec,
         "splits": { "train": format!("0:{}", lengths.len()) },
         "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
         "video_path": null,
