@@ -328,28 +328,38 @@ pub(super) fn find_below(root: &Group, path: &str) -> Result<Option<Dataset>> {
     }
 }
 
-/// The groups that are called `prefix` and a number, by their numbers, and what is said of the others; if there are none, the
-/// names of all groups.
-pub(super) fn numbered_groups(
-    root: &Group,
-    prefix: &str,
-) -> Result<std::result::Result<(Vec<String>, Vec<String>), String>> {
+/// The groups of a file that hold an episode each.
+pub(super) struct NumberedGroups {
+    /// By their numbers, at least one.
+    pub(super) names: Vec<String>,
+    /// What is said of the other groups, if there are any.
+    pub(super) not_read: Vec<String>,
+}
+
+/// The groups below `holder` that are called `prefix` and a number.
+///
+/// # Errors
+/// If there are none; says which groups there are.
+pub(super) fn numbered_groups(root: &Group, holder: &str, prefix: &str) -> Result<NumberedGroups> {
     let number = |name: &String| name.strip_prefix(prefix).and_then(trailing_number);
     let (mut names, mut others): (Vec<String>, Vec<String>) =
         root.groups().map_err(damaged)?.into_iter().partition(|name| number(name).is_some());
     names.sort_by_key(number);
     others.sort();
+    if names.is_empty() {
+        return Err(Error::bad_input(format!(
+            "{holder} holds no episode; wanted groups {prefix}0, {prefix}1, …, and there are: {}",
+            listed(others)
+        )));
+    }
     let said = format!(
         "{} that {} not called {prefix}<number>, so not read: {}",
         if others.len() == 1 { "1 group".to_owned() } else { format!("{} groups", others.len()) },
         if others.len() == 1 { "is" } else { "are" },
         listed(&others)
     );
-    Ok(match (names.is_empty(), others.is_empty()) {
-        (true, _) => Err(listed(others)),
-        (false, true) => Ok((names, Vec::new())),
-        (false, false) => Ok((names, vec![said])),
-    })
+    let not_read = if others.is_empty() { Vec::new() } else { vec![said] };
+    Ok(NumberedGroups { names, not_read })
 }
 
 /// There is no such dataset; says what there is.

@@ -93,11 +93,7 @@ fn read_groups(path: &Path, columns: &Columns, layout: &Layout) -> Result<Source
     let opened = hdf5::open(path)?;
     let root = opened.file.root();
     let prefix = layout.group;
-    let (names, not_read) = hdf5::numbered_groups(&root, prefix)?.map_err(|groups| {
-        Error::bad_input(format!(
-            "the file holds no episode; wanted groups {prefix}0, {prefix}1, …, and there are: {groups}"
-        ))
-    })?;
+    let hdf5::NumberedGroups { names, not_read } = hdf5::numbered_groups(&root, "the file", prefix)?;
     let first = root.group(&names[0]).map_err(damaged)?;
     let columns = Columns {
         observations: usual(&first, &columns.observations, layout.observations)?,

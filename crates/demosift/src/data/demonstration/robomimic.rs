@@ -39,7 +39,8 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
         }
         None => return Err(hdf5::missing(&root, "data/")?),
     };
-    let (labels, mut not_read) = episode_names(&data)?;
+    let hdf5::NumberedGroups { names: labels, mut not_read } =
+        hdf5::numbered_groups(&data, "'data'", "demo_")?;
     let first = data.group(&labels[0]).map_err(damaged)?;
     let columns = Columns {
         observations: if columns.observations.is_empty() {
@@ -107,18 +108,6 @@ pub(super) fn list(path: &Path, label: &str, read: &Columns) -> Result<Vec<Colum
         None => root,
     };
     hdf5::list(&data.group(label).map_err(damaged)?, read)
-}
-
-/// Names of the episodes by their numbers, at least one; and what is said of other groups.
-fn episode_names(data: &Group) -> Result<(Vec<String>, Vec<String>)> {
-    hdf5::numbered_groups(data, "demo_")?.map_or_else(
-        |groups| {
-            Err(Error::bad_input(format!(
-                "'data' holds no episode; wanted groups demo_0, demo_1, …, and there are: {groups}"
-            )))
-        },
-        Ok,
-    )
 }
 
 /// A column as the file names it: robomimic's own configurations leave `obs/` out.
