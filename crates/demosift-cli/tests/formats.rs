@@ -23,7 +23,9 @@ fn refuses(scratch: &Scratch, arguments: &str, wanted: &[&str]) {
     let output = scratch.run(arguments);
     let complaint = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{arguments}: {complaint}");
-    assert!(output.stdout.is_empty() && complaint.starts_with("error: "), "{complaint}");
+    let mut lines = complaint.lines().skip_while(|line| line.starts_with("note: "));
+    let is_error = lines.next().is_some_and(|line| line.starts_with("error: "));
+    assert!(output.stdout.is_empty() && is_error, "{complaint}");
     for part in wanted {
         assert!(complaint.contains(part), "{complaint} does not say '{part}'");
     }
