@@ -21,7 +21,7 @@ fn eight_free_throws_are_sifted_to_the_same_bytes_on_one_thread_and_two() {
         let job = format!("--task free_throw --config tiny.toml --threads {threads} --out run{threads}");
         let said = scratch.succeed(&format!("sift {} {job}", set.display()));
         assert!(said.contains("gain [m]") && said.contains("all 8"), "{said}");
-        assert!(said.contains("cloning loss   heuristic\n"), "{said}");
+        assert!(said.contains("cloning loss\n") && said.contains("fast power   heuristic\n"), "{said}");
     }
     assert_same_files(&scratch.files("run1"), &scratch.files("run2"));
 }
