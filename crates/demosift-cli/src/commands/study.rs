@@ -218,7 +218,7 @@ impl Studied<'_> {
         }
         let (study, finished) = (self.opened.study.clone(), self.finished);
         let compact = Compact { demosift: env!("CARGO_PKG_VERSION").to_owned(), study, notes, finished };
-        let bytes = compact::write(&compact, &pools::pools(&compact.study, &compact.finished));
+        let bytes = compact::write(&compact, &pools::asked(&compact.study, &compact.finished));
         // What is shown is what the file says, to the last digit.
         let compact = compact::read(&bytes)?;
         let summary = summary::summarize(&compact.study, &compact.finished);

@@ -208,14 +208,22 @@ fn pools(compact: &Compact, summary: &Summary) -> Section {
             interval(&means.end, scale),
             interval(&means.chosen, scale),
             means.success.map_or("-".to_owned(), percent),
+            means.true_return.map_or("-".to_owned(), |of| interval(&of, Scale::of([of.mean], ""))),
+            rounded(means.environment_steps),
+            format!("{:.0}", means.seconds),
             pool.trainings.len().to_string(),
         ]);
     }
     Section {
         title: "What policies learn from subsets:",
-        header: words(&["set", "subset", "imitator", "at the end", "the chosen", "success", "trainings"]),
+        header: words(&[
+            "set", "subset", "imitator", "at the end", "the chosen", "success", "true return", "steps", "s", "trainings",
+        ]),
         rows,
-        below: "Success is that at the end of the training.".to_owned(),
+        below: "Success is that at the end of the training, the true return that of the chosen policy. Steps, evaluations \
+                among them, and seconds of a processor are those of one training. Intervals are of 95 %, by Student's t \
+                over trainings."
+            .to_owned(),
     }
 }
 

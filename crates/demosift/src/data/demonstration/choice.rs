@@ -2,6 +2,8 @@
 //!
 //! What is kept keeps its position in the file, and what is left out is named with the reason.
 
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
@@ -163,33 +165,27 @@ fn check(option: &str, named: &Numbers, numbers: &[Option<u64>]) -> Result<()> {
 
 /// Why nobody can learn from an episode, for each; `None` for a good one.
 pub(super) fn faults(episodes: &[Episode]) -> Vec<Option<String>> {
-    let sizes: Vec<(usize, usize)> = episodes.iter().map(Episode::sizes).collect();
-    let sound = |index: &usize| episodes[*index].fault().is_none();
-    let alike =
-        |size: (usize, usize)| (0..sizes.len()).filter(|index| sound(index) && sizes[*index] == size).count();
-    // The first of those that most episodes have.
-    let mut usual = None;
-    for index in (0..sizes.len()).filter(sound) {
-        let count = alike(sizes[index]);
-        if usual.is_none_or(|(most, _)| count > most) {
-            usual = Some((count, sizes[index]));
-        }
-        if count * 2 >= sizes.len() {
-            break;
-        }
+    let alone: Vec<Option<String>> = episodes.iter().map(Episode::fault).collect();
+    let mut counts = BTreeMap::new();
+    for (place, (episode, _)) in
+        episodes.iter().zip(&alone).enumerate().filter(|(_, (_, fault))| fault.is_none())
+    {
+        counts.entry(episode.sizes()).or_insert((0_usize, Reverse(place))).0 += 1;
     }
-    let fault = |(episode, size): (&Episode, &(usize, usize))| {
-        let steps = episode.actions.len();
-        episode.fault().or_else(|| match usual {
+    // That of most episodes; of equals the one that comes first.
+    let usual = counts.into_iter().max_by_key(|(_, count)| *count).map(|(sizes, _)| sizes);
+    let fault = |(episode, alone): (&Episode, Option<String>)| {
+        let (steps, (observed, acted)) = (episode.actions.len(), episode.sizes());
+        alone.or_else(|| match usual {
             _ if steps < FEWEST_STEPS => Some(format!("{steps} step is too short to learn from")),
-            Some((_, usual)) if usual != *size => Some(format!(
-                "a step has {} observed numbers and {} of an action; the others have {} and {}",
-                size.0, size.1, usual.0, usual.1
+            Some(usual) if usual != (observed, acted) => Some(format!(
+                "a step has {observed} observed numbers and {acted} of an action; the others have {} and {}",
+                usual.0, usual.1
             )),
             _ => None,
         })
     };
-    episodes.iter().zip(&sizes).map(fault).collect()
+    episodes.iter().zip(alone).map(fault).collect()
 }
 
 /// What was left out, in words; `None` if nothing was.

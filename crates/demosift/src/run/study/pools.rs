@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::estimate::{Estimate, estimate};
+use super::estimate::Estimate;
 use super::parts::Pool;
 use super::plan::Study;
 use super::{Finished, TrainingResult};
@@ -35,8 +35,13 @@ pub struct PoolTraining {
     pub result: TrainingResult,
 }
 
+/// The finished trainings of the pools that are asked for by name; those that a referee draws from are not among them.
+pub fn asked(study: &Study, finished: &Finished) -> Vec<PoolSummary> {
+    study.pools.iter().flat_map(|pool| of_pool(study, pool, finished)).collect()
+}
+
 /// The trainings of all pools that are finished.
-pub fn pools(study: &Study, finished: &Finished) -> Vec<PoolSummary> {
+pub(super) fn pools(study: &Study, finished: &Finished) -> Vec<PoolSummary> {
     study.all_pools().iter().flat_map(|pool| of_pool(study, pool, finished)).collect()
 }
 
@@ -67,20 +72,58 @@ pub struct PoolMeans {
     pub chosen: Estimate,
     /// Mean success of the last policies, where the task says.
     pub success: Option<f64>,
+    /// True return of the chosen policies, where the task knows one.
+    pub true_return: Option<Estimate>,
+    /// What one training cost in the mean: environment steps.
+    pub environment_steps: f64,
+    /// And seconds of a processor.
+    pub seconds: f64,
 }
 
 impl PoolSummary {
     /// Their means; `None` where no training is finished.
     pub fn means(&self) -> Option<PoolMeans> {
-        let of = |part: fn(&TrainingResult) -> f64| {
-            estimate(&self.trainings.iter().map(|training| part(&training.result)).collect::<Vec<_>>())
+        let each = |part: fn(&TrainingResult) -> f64| -> Vec<f64> {
+            self.trainings.iter().map(|training| part(&training.result)).collect()
         };
+        let of = |part| by_student(&each(part));
+        let returns: Option<Vec<f64>> =
+            self.trainings.iter().map(|training| training.result.chosen.true_return).collect();
         let successes: Option<Vec<f64>> =
             self.trainings.iter().map(|training| training.result.end.success).collect();
         Some(PoolMeans {
             end: of(|result| result.end.score)?,
             chosen: of(|result| result.chosen.score)?,
             success: successes.map(|successes| statistics::mean(&successes)),
+            true_return: returns.and_then(|returns| by_student(&returns)),
+            environment_steps: statistics::mean(&each(|result| result.cost.environment_steps as f64)),
+            seconds: statistics::mean(&each(|result| result.cost.seconds)),
         })
+    }
+}
+
+/// The mean with its 95 % interval by Student's t: a bootstrap of ten trainings is too narrow.
+fn by_student(values: &[f64]) -> Option<Estimate> {
+    const TAIL: f64 = 0.025;
+    if values.is_empty() {
+        return None;
+    }
+    let mean = statistics::mean(values);
+    let quantile = statistics::student_quantile(TAIL, values.len() as f64 - 1.0).unwrap_or(0.0);
+    let reach = quantile * statistics::standard_error(values);
+    Some(Estimate { mean, low: mean - reach, high: mean + reach, seeds: values.len() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// scipy.stats.t.interval(0.95, 4, loc=mean, scale=sem) of these values.
+    #[test]
+    fn the_interval_is_students() {
+        let found = by_student(&[2.0, 4.0, 4.0, 5.0, 10.0]).expect("there are values");
+        assert_eq!((found.mean, found.seeds), (5.0, 5));
+        assert!((found.low - 1.2750).abs() < 1e-4 && (found.high - 8.7250).abs() < 1e-4, "{found:?}");
+        assert_eq!(by_student(&[3.0]).map(|one| (one.low, one.high)), Some((3.0, 3.0)));
     }
 }

@@ -6,10 +6,10 @@
 use serde::Serialize;
 
 use crate::data::demonstration::DemoId;
-use crate::data::demonstration::choice::FEWEST_STEPS;
+use crate::data::demonstration::choice;
 use crate::data::demonstration::episode::{Episode, Source};
 use crate::math::rows::Rows;
-use crate::math::smoothness;
+use crate::math::{smoothness, statistics};
 
 /// A step shorter than this share of the set's median step is standing still.
 const STILL: f64 = 0.01;
@@ -59,40 +59,18 @@ pub struct Look {
 
 /// Every episode, the oddest first.
 pub fn looks(source: &Source) -> Vec<Look> {
-    let faults: Vec<Option<String>> = source.episodes.iter().map(Episode::fault).collect();
-    let width = source
-        .episodes
-        .iter()
-        .zip(&faults)
-        .find(|(_, fault)| fault.is_none())
-        .map(|(episode, _)| episode.sizes());
-    let is_sound =
-        |episode: &Episode, fault: &Option<String>| fault.is_none() && Some(episode.sizes()) == width;
-    let sound: Vec<&Episode> = source
-        .episodes
-        .iter()
-        .zip(&faults)
-        .filter(|(episode, fault)| is_sound(episode, fault))
-        .map(|(one, _)| one)
-        .collect();
+    let faults = choice::faults(&source.episodes);
+    let judged = || source.episodes.iter().zip(&faults);
+    let sound: Vec<&Episode> =
+        judged().filter(|(_, fault)| fault.is_none()).map(|(episode, _)| episode).collect();
     let scale = Scale::of(&sound);
     let mut looks: Vec<Look> = Vec::with_capacity(source.episodes.len());
-    for ((episode, &DemoId(demonstration)), fault) in source.episodes.iter().zip(&source.ids).zip(&faults) {
+    for ((episode, fault), &DemoId(demonstration)) in judged().zip(&source.ids) {
         let label = episode.label.clone();
         let plain = Look { demonstration, label, steps: episode.actions.len(), ..Look::default() };
         looks.push(match fault {
             Some(fault) => Look { odd: vec![fault.clone()], oddness: f64::MAX, ..plain },
-            None if !is_sound(episode, fault) => {
-                Look { odd: vec!["of another size than the others".to_owned()], oddness: f64::MAX, ..plain }
-            }
-            None => {
-                let mut look = scale.look(episode, plain);
-                if look.steps < FEWEST_STEPS {
-                    look.odd.push(format!("{} step is too short to learn from", look.steps));
-                    look.oddness = 1e12;
-                }
-                look
-            }
+            None => scale.look(episode, plain),
         });
     }
     mark_duplicates(source, &mut looks);
@@ -114,17 +92,11 @@ struct Scale {
 impl Scale {
     fn of(episodes: &[&Episode]) -> Self {
         let width = episodes.first().map_or(0, |episode| episode.observations.width());
-        let count = episodes.iter().map(|episode| episode.observations.len()).sum::<usize>().max(1) as f64;
         let mut columns = Vec::new();
         for column in 0..width {
-            let values = || {
-                episodes
-                    .iter()
-                    .flat_map(|episode| episode.observations.iter())
-                    .map(|row| f64::from(row[column]))
-            };
-            let mean = values().sum::<f64>() / count;
-            let deviation = (values().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt();
+            let rows = episodes.iter().flat_map(|episode| episode.observations.iter());
+            let values: Vec<f64> = rows.map(|row| f64::from(row[column])).collect();
+            let (mean, deviation) = statistics::mean_and_deviation(values.iter().copied());
             if deviation > 1e-6 * mean.abs().max(1.0) {
                 columns.push((column, mean, deviation));
             }
@@ -208,11 +180,9 @@ fn median(values: Vec<f64>) -> Option<f64> {
     quantile(values, 0.5)
 }
 
-/// The value below which this share lies, by the nearest rank; of an even number the median is the upper one.
 fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
-    let place = (share * values.len() as f64) as usize;
-    values.get(place.min(values.len().saturating_sub(1))).copied()
+    (!values.is_empty()).then(|| statistics::quantile(&values, share))
 }
 
 fn mark_duplicates(source: &Source, looks: &mut [Look]) {
