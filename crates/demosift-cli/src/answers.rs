@@ -6,10 +6,12 @@ use std::path::Path;
 use demosift::data::demonstration::DemoId;
 use demosift::data::demonstration::inspection::{Inspection, Look};
 use demosift::data::demonstration::listing::ColumnSeen;
+use demosift::data::likeness::Likeness;
 use demosift::results::data_only::Column;
 use demosift::results::gain::Gain;
 use demosift::results::panel::{self, Disagreement, Opinion, Panel, Vote};
 use demosift::results::report::Report;
+use demosift::results::standing::Standing;
 use demosift::results::uncertainty::Uncertainty;
 use demosift::run::experiment::Selection;
 use demosift::run::forecast::Forecast;
@@ -30,6 +32,7 @@ use crate::job::Job;
 use crate::own_heuristic::Beside;
 use crate::run_folder::Data;
 use crate::tables;
+use crate::tables::standing::Found;
 
 /// What a command found, and which run it is about.
 #[derive(Serialize)]
@@ -124,6 +127,32 @@ pub(crate) struct BesideRanking<'a> {
 impl<'a> BesideRanking<'a> {
     fn new(ranking: &Ranking, column: &'a Column) -> Self {
         Self { column, spearman: column.agreement(ranking) }
+    }
+}
+
+/// `demosift judge --prior`
+#[derive(Serialize)]
+pub(crate) struct Standings<'a> {
+    pub(crate) prior: &'a Path,
+    pub(crate) decides: Option<panel::Judge>,
+    pub(crate) judges: Vec<StandingsOfJudge<'a>>,
+    pub(crate) likeness: Option<&'a [Likeness]>,
+    pub(crate) costs: Spending,
+}
+
+/// Where new demonstrations stand by one judge under one goal.
+#[derive(Serialize)]
+pub(crate) struct StandingsOfJudge<'a> {
+    judge: panel::Judge,
+    goal: Option<&'a str>,
+    kept_by_run: usize,
+    standings: &'a [Standing],
+}
+
+impl<'a> StandingsOfJudge<'a> {
+    pub(crate) fn new(found: &'a Found) -> Self {
+        let Found { judge, goal, standings, kept } = found;
+        Self { judge: *judge, goal: goal.as_deref(), kept_by_run: *kept, standings }
     }
 }
 

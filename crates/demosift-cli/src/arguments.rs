@@ -39,7 +39,7 @@ pub(crate) enum Command {
     MetaTrain(JobArguments),
     /// Imitate each demonstration and score what comes out
     #[command(after_help = examples::JUDGE)]
-    Judge(JobArguments),
+    Judge(JudgeArguments),
     /// Rank the demonstrations and keep the best
     #[command(after_help = examples::SELECT)]
     Select(JobArguments),
@@ -90,10 +90,10 @@ impl Command {
         match self {
             Self::Sift(job)
             | Self::MetaTrain(job)
-            | Self::Judge(job)
             | Self::Select(job)
             | Self::Weigh(job)
             | Self::Referee(job) => Some(&job.run),
+            Self::Judge(arguments) => Some(&arguments.job.run),
             Self::Imitate(arguments) => Some(&arguments.job.run),
             Self::Oracle(arguments) => Some(&arguments.job.run),
             Self::Record(arguments) => Some(&arguments.run),
@@ -148,6 +148,17 @@ pub(crate) struct JobArguments {
     pub(crate) run: RunArguments,
     #[command(flatten)]
     pub(crate) source: SetArguments,
+}
+
+/// What `demosift judge` takes.
+#[derive(Debug, Args)]
+pub(crate) struct JudgeArguments {
+    #[command(flatten)]
+    pub(crate) job: JobArguments,
+    /// Judge from the prior of this earlier run, with its task and values, in seconds a demonstration: its folder; says where
+    /// each demonstration, of which one is enough, would stand in the ranking of that run
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["preset", "keep", "method", "referee"])]
+    pub(crate) prior: Option<PathBuf>,
 }
 
 /// Which demonstrations of a set are taken, and how they are stored where it cannot be seen.

@@ -16,6 +16,7 @@ mod referee;
 mod report;
 mod select;
 mod sift;
+mod standing;
 mod study;
 mod task;
 mod tasks;

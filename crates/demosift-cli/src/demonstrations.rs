@@ -7,6 +7,8 @@ use demosift::data::demonstration::episode::{self, Columns, Source};
 use demosift::data::demonstration::open::{self, Located};
 use demosift::data::demonstration::{DemoId, DemonstrationSet};
 use demosift::data::trajectory::StateLog;
+use demosift::run::experiment::{self, Config};
+use demosift::world::rollout::Playground;
 use demosift::{Error, Result};
 
 use crate::arguments::{SetArguments, SourceArguments};
@@ -22,6 +24,12 @@ pub(crate) struct Demonstrations {
 }
 
 impl Demonstrations {
+    /// Whether set, task and configuration fit each other.
+    pub(crate) fn check(&self, playground: &Playground<'_>, config: &Config) -> Result<()> {
+        experiment::check(&self.set, playground.specification(), config)
+            .map_err(|error| if error.is_bad_input() { error.at(&self.path) } else { error })
+    }
+
     /// What a run depends on.
     pub(crate) fn data(&self) -> Result<Data> {
         let format = self.source.format;
@@ -42,10 +50,20 @@ pub(crate) fn open(
     how: &SetArguments,
     recorded: Option<&Data>,
 ) -> Result<Demonstrations> {
-    let Opened { source, path, choice } = open_unchecked(given, how, recorded)?;
-    let set = source.set().map_err(|error| error.at(&path))?;
-    say_what_is_not_read(&source);
-    Ok(Demonstrations { source, set, path, choice })
+    let opened = open_unchecked(given, how, recorded)?;
+    let set = opened.source.set();
+    opened.with(set)
+}
+
+/// The same where one demonstration is enough.
+pub(crate) fn open_of_any_size(
+    given: Option<&Path>,
+    how: &SetArguments,
+    recorded: Option<&Data>,
+) -> Result<Demonstrations> {
+    let opened = open_unchecked(given, how, recorded)?;
+    let set = opened.source.set_of_any_size();
+    opened.with(set)
 }
 
 /// What lies there, of which not all need be fit to learn from.
@@ -53,6 +71,15 @@ pub(crate) struct Opened {
     pub(crate) source: Source,
     pub(crate) path: PathBuf,
     choice: Choice,
+}
+
+impl Opened {
+    fn with(self, set: Result<DemonstrationSet>) -> Result<Demonstrations> {
+        let Self { source, path, choice } = self;
+        let set = set.map_err(|error| error.at(&path))?;
+        say_what_is_not_read(&source);
+        Ok(Demonstrations { source, set, path, choice })
+    }
 }
 
 /// Nothing is left out without a word.

@@ -52,7 +52,9 @@ Examples:
   By cloning alone, in seconds:
     demosift judge data/free_throw_8 --task free_throw --judge cloning --out runs/by_cloning
   As the paper does, each demonstration four times, to be surer:
-    demosift judge data/free_throw_8 --task free_throw --judge paper --set judge.repeats=4 --out runs/surer";
+    demosift judge data/free_throw_8 --task free_throw --judge paper --set judge.repeats=4 --out runs/surer
+  Does the demonstration that I have just recorded help? With what an earlier run learned, in seconds:
+    demosift judge new.hdf5 --prior runs/throws --out runs/new";
 
 pub(crate) const SELECT: &str = "\
 Examples:

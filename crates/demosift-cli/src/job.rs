@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use demosift::basics::ledger::Ledger;
 use demosift::data::demonstration::choice;
 use demosift::data::demonstration::{self, DemonstrationSet};
 use demosift::data::trajectory::StateLog;
@@ -20,6 +21,7 @@ use toml::Table;
 use crate::arguments::{JobArguments, PresetName, RunArguments};
 use crate::configuration::{self, Layer};
 use crate::demonstrations::{self, Demonstrations};
+use crate::given_prior::{self, GivenPrior};
 use crate::interruption;
 use crate::metrics_file::MetricsFile;
 use crate::own_heuristic::{self, Beside};
@@ -48,12 +50,38 @@ pub(crate) struct Job {
     config: Config,
     folder: RunFolder,
     progress: Progress,
+    /// The folder of another run, whose prior a dry run looks at.
+    lent: Option<RunFolder>,
 }
 
 impl Job {
     /// Reads and checks everything, then begins the run or goes on with it.
     pub(crate) fn open(arguments: &JobArguments, prior: Prior) -> Result<Self> {
         Self::open_checked(arguments, prior, |_, _| Ok(()))
+    }
+
+    /// The same for demonstrations that are judged from the prior of an earlier run; one is enough.
+    pub(crate) fn open_given(arguments: &JobArguments, given: &GivenPrior) -> Result<Self> {
+        use_threads(arguments.run.threads)?;
+        let plan = Request::of(&Asked { given: Some(given), ..Asked::of(arguments) })?;
+        let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
+        let path = arguments.demonstrations.as_deref();
+        let demonstrations = demonstrations::open_of_any_size(path, &arguments.source, recorded)?;
+        given.check_sizes(&demonstrations.set).map_err(|error| error.at(&demonstrations.path))?;
+        // What is kept is decided by the earlier run; its number may be more than there are here.
+        let mut values = plan.values.clone();
+        values.insert("keep".to_owned(), toml::Value::String(Keep::Quarter.to_string()));
+        set_words(&mut values, arguments)?;
+        let values = configuration::of_job(values);
+        given.check_values(&values)?;
+        let config: Config = configuration::typed(values.clone())?;
+        demonstrations.check(&Playground::new(plan.chosen.task.as_ref()), &config)?;
+        let mut job = Self::of_plan(plan, demonstrations, values, config, arguments.run.dry_run)?;
+        match arguments.run.dry_run {
+            true => job.lent = Some(given.folder.clone()),
+            false => experiment::hand_on_prior(&given.folder, &mut job.folder)?,
+        }
+        Ok(job)
     }
 
     /// The same with a check of what a subcommand wants of set and configuration.
@@ -63,28 +91,19 @@ impl Job {
         check: impl FnOnce(&DemonstrationSet, &Config) -> Result<()>,
     ) -> Result<Self> {
         use_threads(arguments.run.threads)?;
-        let plan = Request::of(&arguments.run, arguments.variant.as_deref(), arguments.preset)?;
+        let plan = Request::of(&Asked::of(arguments))?;
         let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
         let demonstrations =
             demonstrations::open(arguments.demonstrations.as_deref(), &arguments.source, recorded)?;
-        let data = demonstrations.data()?;
-        let left_out = choice::in_words(&demonstrations.source.left_out);
-        let Demonstrations { set, path, .. } = demonstrations;
         let mut values = plan.values.clone();
         if let Some(keep) = arguments.keep {
-            if let Some(wanted) = keep.misfit(set.len()) {
+            if let Some(wanted) = keep.misfit(demonstrations.set.len()) {
                 return Err(Error::bad_config(format!("--keep {keep}: {wanted}")));
             }
             let layer = Table::from_iter([("keep".to_owned(), toml::Value::String(keep.to_string()))]);
             configuration::apply(&mut values, &Layer { source: "--keep".to_owned(), values: layer })?;
         }
-        let method = arguments.method.map(|method| Method::from(method).to_string());
-        let judges = arguments.judge.map(|judges| judges.word().to_owned());
-        for (key, option, word) in [("method", "--method", method), ("judges", "--judge", judges)] {
-            let Some(word) = word else { continue };
-            let layer = Table::from_iter([(key.to_owned(), toml::Value::String(word))]);
-            configuration::apply(&mut values, &Layer { source: option.to_owned(), values: layer })?;
-        }
+        set_words(&mut values, arguments)?;
         if let Some(refereeing) = arguments.referee {
             let layer = Table::try_from(refereeing).expect("two numbers are a table");
             let layer = Table::from_iter([("referee".to_owned(), toml::Value::Table(layer))]);
@@ -92,19 +111,35 @@ impl Job {
         }
         let values = configuration::of_job(values);
         let config: Config = configuration::typed(values.clone())?;
-        experiment::check(&set, plan.chosen.task.specification(), &config)
-            .map_err(|error| if error.is_bad_input() { error.at(&path) } else { error })?;
-        check(&set, &config)?;
+        let playground = Playground::new(plan.chosen.task.as_ref());
+        demonstrations.check(&playground, &config)?;
+        check(&demonstrations.set, &config)?;
         let asks_for_it = config.judges.each().contains(&Judge::Paper) || config.keep == Keep::Weights;
         if prior == Prior::Needed && asks_for_it && !plan.holds_prior()? {
-            experiment::check_budget(&set, &Playground::new(plan.chosen.task.as_ref()), &config)?;
+            experiment::check_budget(&demonstrations.set, &playground, &config)?;
         }
-        let folder = plan.open_folder(Some(data.clone()), &values, arguments.run.dry_run)?;
-        let progress = match arguments.run.dry_run {
+        drop(playground);
+        Self::of_plan(plan, demonstrations, values, config, arguments.run.dry_run)
+    }
+
+    /// Begins the run or goes on with it, once everything that it depends on is known.
+    fn of_plan(
+        plan: Request,
+        demonstrations: Demonstrations,
+        values: Table,
+        config: Config,
+        dry: bool,
+    ) -> Result<Self> {
+        let data = demonstrations.data()?;
+        let left_out = choice::in_words(&demonstrations.source.left_out);
+        let Demonstrations { set, path, .. } = demonstrations;
+        let folder = plan.open_folder(Some(data.clone()), &values, dry)?;
+        let progress = match dry {
             true => Progress::of_bar_only(),
             false => Progress::new(MetricsFile::open(folder.path())?),
         };
-        Ok(Self { set, path, data, left_out, chosen: plan.chosen, values, config, folder, progress })
+        let chosen = plan.chosen;
+        Ok(Self { set, path, data, left_out, chosen, values, config, folder, progress, lent: None })
     }
 
     /// The same job for one of the task's several goals, in a folder of its own within that of this one; it starts from what
@@ -113,7 +148,7 @@ impl Job {
         let chosen = task::choose(&self.chosen.name)?.under(goal)?;
         let out = self.folder.path().join(goal);
         let begun = run_folder::look_into(&out, true)?;
-        let identity = identity(&chosen, Some(self.data.clone()));
+        let identity = identity(&chosen, Some(self.data.clone()), None);
         let (folder, progress) = if dry {
             (RunFolder::look(out, begun.as_ref(), &identity, &self.values)?, Progress::of_bar_only())
         } else {
@@ -134,17 +169,19 @@ impl Job {
             config: self.config.clone(),
             folder,
             progress,
+            lent: None,
         })
     }
 
     /// Does a part of the job.
     pub(crate) fn run<T>(&mut self, work: impl FnOnce(&mut Run<'_>) -> Result<T>) -> Result<T> {
         let playground = Playground::new(self.chosen.task.as_ref());
+        let mut ledger = Lent { own: &mut self.folder, lent: self.lent.as_ref() };
         let outcome = work(&mut Run {
             set: &self.set,
             playground: &playground,
             config: &self.config,
-            ledger: &mut self.folder,
+            ledger: &mut ledger,
             observer: &mut self.progress,
         });
         let told = self.progress.finish();
@@ -224,6 +261,58 @@ impl Job {
     }
 }
 
+/// A run folder, and behind it another one.
+struct Lent<'a> {
+    own: &'a mut RunFolder,
+    lent: Option<&'a RunFolder>,
+}
+
+impl Ledger for Lent<'_> {
+    fn recall(&self, name: &str) -> Result<Option<Vec<u8>>> {
+        match (self.own.recall(name)?, self.lent) {
+            (None, Some(lent)) if name == given_prior::PRIOR => lent.recall(name),
+            (own, _) => Ok(own),
+        }
+    }
+
+    fn store(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+        self.own.store(name, bytes)
+    }
+
+    fn forget(&mut self, name: &str) -> Result<()> {
+        self.own.forget(name)
+    }
+}
+
+/// The options that are words of the configuration.
+fn set_words(values: &mut Table, arguments: &JobArguments) -> Result<()> {
+    let method = arguments.method.map(|method| Method::from(method).to_string());
+    let judges = arguments.judge.map(|judges| judges.word().to_owned());
+    for (key, option, word) in [("method", "--method", method), ("judges", "--judge", judges)] {
+        let Some(word) = word else { continue };
+        let layer = Table::from_iter([(key.to_owned(), toml::Value::String(word))]);
+        configuration::apply(values, &Layer { source: option.to_owned(), values: layer })?;
+    }
+    Ok(())
+}
+
+/// What says which run is to begin or to go on.
+#[derive(Clone, Copy)]
+pub(crate) struct Asked<'a> {
+    pub(crate) run: &'a RunArguments,
+    pub(crate) variant: Option<&'a str>,
+    pub(crate) preset: Option<PresetName>,
+    /// The prior of an earlier run, with its task and its values.
+    pub(crate) given: Option<&'a GivenPrior>,
+}
+
+impl<'a> Asked<'a> {
+    fn of(arguments: &'a JobArguments) -> Self {
+        let JobArguments { run, variant, preset, .. } = arguments;
+        Self { run, variant: variant.as_deref(), preset: *preset, given: None }
+    }
+}
+
 /// What a run is about, before its data is read and its folder is touched.
 pub(crate) struct Request {
     pub(crate) chosen: Chosen,
@@ -231,15 +320,15 @@ pub(crate) struct Request {
     pub(crate) values: Table,
     pub(crate) begun: Option<Begun>,
     out: PathBuf,
+    /// Which prior it is given.
+    prior: Option<given_prior::Origin>,
 }
 
 impl Request {
-    pub(crate) fn of(
-        arguments: &RunArguments,
-        variant: Option<&str>,
-        preset: Option<PresetName>,
-    ) -> Result<Self> {
-        let out = match (&arguments.out, &arguments.task) {
+    pub(crate) fn of(asked: &Asked<'_>) -> Result<Self> {
+        let Asked { run: arguments, variant, preset, given } = *asked;
+        let task_of_prior = given.map(|given| &given.identity.task);
+        let out = match (&arguments.out, arguments.task.as_ref().or(task_of_prior)) {
             (Some(out), _) => out.clone(),
             (None, Some(task)) => default_folder(task, variant),
             (None, None) if arguments.resume => {
@@ -249,27 +338,34 @@ impl Request {
             (None, None) => return Err(task::missing()),
         };
         let begun = run_folder::look_into(&out, arguments.resume)?;
-        let name = arguments.task.as_deref().or(begun.as_ref().map(|begun| begun.identity.task.as_str()));
+        let of_begun = || begun.as_ref().map(|begun| &begun.identity.task);
+        let name = arguments.task.as_ref().or_else(of_begun).or(task_of_prior).map(String::as_str);
         let mut chosen = task::choose(name.ok_or_else(|| {
             if arguments.resume { run_folder::nothing_to_resume(&out) } else { task::missing() }
         })?)?;
         if let Some(begun) = &begun {
             check_task(&begun.identity, &chosen).map_err(|error| error.at(&out))?;
         }
-        let begun_under = || begun.as_ref().and_then(|begun| begun.identity.variant.as_deref());
+        let identities = begun.iter().map(|begun| &begun.identity).chain(given.map(|given| &given.identity));
+        let begun_under = || identities.clone().find_map(|identity| identity.variant.as_deref());
         if let Some(variant) = variant.or_else(begun_under) {
             chosen = chosen.under(variant)?;
         }
-        let mut values = match (&begun, preset) {
-            (Some(begun), None) => begun.configuration.clone(),
-            (_, preset) => {
+        if let Some(given) = given {
+            given.check_task(&chosen)?;
+        }
+        let mut values = match (&begun, given, preset) {
+            (Some(begun), _, None) => begun.configuration.clone(),
+            (None, Some(given), None) => given.values.clone(),
+            (_, _, preset) => {
                 configuration::preset(preset.map_or(Preset::Standard, Preset::from), chosen.values.clone())?
             }
         };
         for layer in layers(arguments)? {
             configuration::apply(&mut values, &layer)?;
         }
-        Ok(Self { chosen, values, begun, out })
+        let prior = given.map(|given| given.origin.clone());
+        Ok(Self { chosen, values, begun, out, prior })
     }
 
     /// Whether the run has learned its prior already.
@@ -283,14 +379,14 @@ impl Request {
 
     /// Begins the run, or goes on with the one that is there; a dry run only looks whether that could be done.
     pub(crate) fn open_folder(&self, data: Option<Data>, values: &Table, dry: bool) -> Result<RunFolder> {
-        let identity = identity(&self.chosen, data);
+        let identity = identity(&self.chosen, data, self.prior.clone());
         let open = if dry { RunFolder::look } else { RunFolder::open };
         open(self.out.clone(), self.begun.as_ref(), &identity, values)
     }
 }
 
 /// What a run depends on, besides its configuration.
-fn identity(chosen: &Chosen, data: Option<Data>) -> Identity {
+fn identity(chosen: &Chosen, data: Option<Data>, prior: Option<given_prior::Origin>) -> Identity {
     Identity {
         demosift: env!("CARGO_PKG_VERSION").to_owned(),
         format: FORMAT_VERSION,
@@ -298,6 +394,7 @@ fn identity(chosen: &Chosen, data: Option<Data>) -> Identity {
         task_sha256: chosen.sha256.clone(),
         variant: chosen.variant.clone(),
         data,
+        prior,
     }
 }
 

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use toml::Table;
 
 use crate::configuration;
+use crate::given_prior::Origin;
 use crate::interruption;
 use crate::writing::undisturbed;
 
@@ -38,6 +39,9 @@ pub(crate) struct Identity {
     pub(crate) variant: Option<String>,
     /// The demonstrations; a recording has none.
     pub(crate) data: Option<Data>,
+    /// The prior that the run was given, if it did not make its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) prior: Option<Origin>,
 }
 
 fn first_format() -> u32 {
@@ -164,7 +168,7 @@ fn read_identity(path: &Path) -> Result<Identity> {
 }
 
 /// Nouns and checkpoints as files of one folder.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct RunFolder {
     path: PathBuf,
 }
@@ -265,6 +269,8 @@ fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Resu
     };
     let choice =
         |identity: &Identity| identity.data.as_ref().map_or_else(String::new, |data| data.choice.to_string());
+    let prior =
+        |identity: &Identity| identity.prior.as_ref().map_or("none".to_owned(), |prior| prior.sha256.clone());
     let text = |value: Option<String>| value.unwrap_or_else(|| "none".to_owned());
     let variant = |identity: &Identity| identity.variant.clone().unwrap_or_else(|| "all of them".to_owned());
     let pairs = [
@@ -273,6 +279,7 @@ fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Resu
         // Before the hash, which may depend on them.
         ("the columns of the demonstrations", columns(old), columns(identity)),
         ("the choice of episodes", choice(old), choice(identity)),
+        ("the SHA-256 of the prior that it was given", prior(old), prior(identity)),
         ("the SHA-256 of the demonstrations", text(sha256(old)), text(sha256(identity))),
     ];
     let differs = pairs.into_iter().find(|(_, old, new)| old != new);

@@ -6,10 +6,8 @@ use std::path::{Path, PathBuf};
 
 use demosift::basics::files;
 use demosift::run::experiment::Config;
-use demosift::run::study::{Cell, Work};
+use demosift::run::study::{Cell, Fingerprint, Work, hash_of_entering};
 use demosift::{Error, Result};
-use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 use crate::interruption;
 use crate::study_file::OpenedSet;
@@ -19,61 +17,21 @@ const CELLS: &str = "cells";
 const SET_ASIDE: &str = "set_aside";
 const RESULTS: &str = "study.json";
 
-/// What a cell depends on besides its work; it is believed only while all of it is the same.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Fingerprint {
-    /// Its version.
-    demosift: String,
-    /// Name, variant, and for a user's own the hash of its files.
-    task: String,
-    /// Hash of the file, and which episodes of it.
-    set: String,
-    /// Hash of the values that enter the work.
-    configuration: String,
-}
-
-impl Fingerprint {
-    pub(crate) fn of(work: &Work, opened: &OpenedSet) -> Self {
-        let task = [Some(&opened.task), opened.chosen.variant.as_ref(), opened.chosen.sha256.as_ref()];
-        let task: Vec<&str> = task.into_iter().flatten().map(String::as_str).collect();
-        let episodes = opened.episodes.as_ref().map_or(String::new(), |episodes| format!(" {episodes:?}"));
-        Self {
-            demosift: env!("CARGO_PKG_VERSION").to_owned(),
-            task: task.join(" "),
-            set: format!("{}{episodes}", opened.sha256),
-            configuration: files::sha256_of(entering(work, opened).to_string().as_bytes()),
-        }
-    }
-
-    /// What differs, in words.
-    fn difference(&self, now: &Self) -> Option<&'static str> {
-        let pairs = [
-            ("another version of demosift", &self.demosift, &now.demosift),
-            ("another task", &self.task, &now.task),
-            ("other demonstrations", &self.set, &now.set),
-            ("another configuration", &self.configuration, &now.configuration),
-        ];
-        pairs.into_iter().find(|(_, old, now)| old != now).map(|(what, _, _)| what)
-    }
-}
-
-/// The values that enter some work; its imitator and seed stand in its name.
-fn entering(work: &Work, opened: &OpenedSet) -> Value {
-    let (config, enters): (&Config, fn(&str) -> bool) = match work {
-        Work::Training { .. } => (&opened.training, |key| ["policy", "imitate"].contains(&key)),
-        Work::Judging { method, .. } => {
-            (opened.of_method(method), |key| !["seed", "imitate", "subset_selection"].contains(&key))
-        }
+/// What a cell of this set would be made with now.
+pub(crate) fn fingerprint(work: &Work, opened: &OpenedSet) -> Fingerprint {
+    let task = [Some(&opened.task), opened.chosen.variant.as_ref(), opened.chosen.sha256.as_ref()];
+    let task: Vec<&str> = task.into_iter().flatten().map(String::as_str).collect();
+    let episodes = opened.episodes.as_ref().map_or(String::new(), |episodes| format!(" {episodes:?}"));
+    let config = match work {
+        Work::Training { .. } => &opened.training,
+        Work::Judging { method, .. } => opened.of_method(method),
     };
-    let mut values = serde_json::to_value(config).expect("a configuration is plain data");
-    if let Value::Object(fields) = &mut values {
-        fields.retain(|key, _| enters(key));
-        if let Some(Value::Object(update)) = fields.get_mut("imitate").and_then(|of| of.get_mut("update")) {
-            update.remove("imitation");
-        }
+    Fingerprint {
+        demosift: env!("CARGO_PKG_VERSION").to_owned(),
+        task: task.join(" "),
+        set: format!("{}{episodes}", opened.sha256),
+        configuration: hash_of_entering(work, config),
     }
-    values
 }
 
 impl OpenedSet {
@@ -82,14 +40,6 @@ impl OpenedSet {
         let found = self.methods.iter().find(|(known, _)| known == name);
         &found.expect("only methods of the study have work").1
     }
-}
-
-/// A cell as its file holds it.
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct File {
-    fingerprint: Fingerprint,
-    cell: Cell,
 }
 
 /// What the folder holds of some work.
@@ -140,20 +90,19 @@ impl StudyFolder {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Recalled::Nothing),
             Err(error) => return Err(Error::io("cannot read the cell", &path, &error)),
         };
-        Ok(match serde_json::from_slice::<File>(&bytes) {
+        Ok(match serde_json::from_slice::<Cell>(&bytes) {
             Err(_) => Recalled::NotBelieved("a file that cannot be read"),
-            Ok(file) if file.cell.work != *work => Recalled::NotBelieved("other work"),
-            Ok(file) => match file.fingerprint.difference(fingerprint) {
+            Ok(cell) if cell.work != *work => Recalled::NotBelieved("other work"),
+            Ok(cell) => match cell.fingerprint.difference(fingerprint) {
                 Some(what) => Recalled::NotBelieved(what),
-                None => Recalled::Cell(Box::new(file.cell)),
+                None => Recalled::Cell(Box::new(cell)),
             },
         })
     }
 
-    pub(crate) fn store(&self, cell: &Cell, fingerprint: Fingerprint) -> Result<()> {
+    pub(crate) fn store(&self, cell: &Cell) -> Result<()> {
         let path = self.file(&cell.work);
-        let mut bytes = serde_json::to_vec_pretty(&File { fingerprint, cell: cell.clone() })
-            .expect("a cell is plain data");
+        let mut bytes = serde_json::to_vec_pretty(cell).expect("a cell is plain data");
         bytes.push(b'\n');
         undisturbed(|| files::write_atomically(&path, &bytes))
     }

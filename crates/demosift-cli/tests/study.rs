@@ -204,6 +204,31 @@ fn cells_of_something_else_are_not_believed_and_kept() {
 }
 
 #[test]
+fn results_of_before_are_taken_over_as_far_as_they_are_of_the_same() {
+    let scratch = scratch("study-from");
+    scratch.succeed("study tiny.toml --out run");
+    let whole = results(&scratch, "run");
+    scratch.succeed("study tiny.toml --out again --from run/study.json");
+    assert_eq!(results(&scratch, "again"), whole);
+    assert!(cells(&scratch, "again").is_empty(), "nothing was made");
+
+    // Only the judge of the paper has other values; neither the other judge nor a training knows them.
+    let changed = STUDY.replace("ADD", "").replace("rounds = 2", "rounds = 3");
+    fs::write(scratch.0.join("tiny.toml"), changed).unwrap();
+    scratch.succeed("study tiny.toml --out third --from again/study.json --only /paper,cloning,oracle");
+    let made = cells(&scratch, "third");
+    assert_eq!(made.len(), 4, "{made:?}");
+    assert!(made.iter().all(|name| name.starts_with("judging_") && name.contains("_paper_")), "{made:?}");
+    refuses(
+        &scratch,
+        "study tiny.toml --from nowhere.json",
+        &["the file of results does not exist", "nowhere.json"],
+    );
+    refuses(&scratch, "study tiny.toml --from tiny.toml", &["this is not the file of a study"]);
+    refuses(&scratch, "study run/study.json --from run/study.json", &["a file of results is only shown"]);
+}
+
+#[test]
 fn a_cell_that_fails_is_told_and_stops_no_other() {
     let scratch = scratch("study-fails");
     let diverging = STUDY

@@ -16,6 +16,9 @@ pub(crate) struct StudyArguments {
     /// Where finished cells are kept; what is there already is not made again [default: runs/<study>]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
+    /// Take over the finished cells of this file of results, as far as they are of the same version, sets and values
+    #[arg(long, value_name = "RESULTS.json")]
+    pub(crate) from: Option<PathBuf>,
     /// Cells that are made at the same time, each on a thread of its own [default: all processors]
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<usize>,

@@ -5,16 +5,20 @@ use demosift::results::panel::{Judge, Opinion, Panel};
 use demosift::run::experiment;
 use demosift::run::forecast::Goal;
 
-use super::{dry_run, kept_in};
+use super::{dry_run, kept_in, standing};
 use crate::answers::{self, OfRun};
-use crate::arguments::JobArguments;
+use crate::arguments::JudgeArguments;
 use crate::job::{Job, Prior};
 use crate::tables::by_variant;
 use crate::tables::costs;
 use crate::tables::judgment::{self, Judgment};
 use crate::{tables, terminal};
 
-pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
+pub(crate) fn run(arguments: &JudgeArguments) -> Result<()> {
+    let JudgeArguments { job: arguments, prior } = arguments;
+    if let Some(prior) = prior {
+        return standing::run(arguments, prior);
+    }
     let mut job = Job::open(arguments, Prior::Needed)?;
     if arguments.run.dry_run {
         return dry_run::of_job(&mut job, Goal::Scores, &arguments.run);

@@ -24,7 +24,7 @@ use super::{dry_run, kept_in};
 use crate::answers;
 use crate::arguments::{RecordArguments, RunArguments};
 use crate::configuration;
-use crate::job::{self, Request};
+use crate::job::{self, Asked, Request};
 use crate::metrics_file::MetricsFile;
 use crate::run_folder::RunFolder;
 use crate::tables::{self, Scale};
@@ -86,7 +86,12 @@ struct Demonstrator {
 pub(crate) fn run(arguments: &RecordArguments) -> Result<()> {
     job::use_threads(arguments.run.threads)?;
     let given = arguments.demonstrator.as_deref().map(Source::of).transpose()?;
-    let plan = Request::of(&with_task(arguments, given.as_ref()), None, None)?;
+    let plan = Request::of(&Asked {
+        run: &with_task(arguments, given.as_ref()),
+        variant: None,
+        preset: None,
+        given: None,
+    })?;
     let values = values(arguments, given, &plan)?;
     let recording: Recording = configuration::typed(values.clone())?;
     check(&recording, &plan)?;

@@ -19,7 +19,7 @@ use rustix::time::{ClockId, clock_gettime};
 use crate::answers;
 use crate::arguments::{Part, StudyArguments};
 use crate::study_file::{self, Opened, OpenedSet};
-use crate::study_folder::{Fingerprint, Recalled, StudyFolder};
+use crate::study_folder::{Recalled, StudyFolder, fingerprint};
 use crate::tables;
 use crate::terminal::{self, StudyProgress};
 
@@ -36,6 +36,7 @@ pub(crate) fn run(arguments: &StudyArguments) -> Result<()> {
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("runs").join(&opened.study.name));
     let mut studied = Studied {
         folder: StudyFolder::look(out)?,
+        earlier: arguments.from.as_deref().map_or(Ok(Finished::default()), earlier)?,
         finished: Finished::default(),
         not_believed: Vec::new(),
         opened: &opened,
@@ -65,6 +66,8 @@ fn threads(asked: Option<usize>) -> Result<usize> {
 struct Studied<'o> {
     opened: &'o Opened,
     folder: StudyFolder,
+    /// What an earlier file of results holds.
+    earlier: Finished,
     finished: Finished,
     /// Cells that are there and of something else, each with what.
     not_believed: Vec<(Work, &'static str)>,
@@ -79,14 +82,18 @@ impl Studied<'_> {
                 if self.finished.holds(&work) || self.not_believed.iter().any(|(of, _)| *of == work) {
                     continue;
                 }
-                match self.folder.recall(&work, &Fingerprint::of(&work, self.set_of(&work)))? {
-                    Recalled::Nothing => {}
-                    Recalled::NotBelieved(what) => self.not_believed.push((work, what)),
-                    Recalled::Cell(cell) => {
-                        self.finished.add(*cell);
-                        found = true;
+                let wanted = fingerprint(&work, self.set_of(&work));
+                let handed_on = self.earlier.cell(&work).filter(|cell| cell.fingerprint == wanted);
+                match (self.folder.recall(&work, &wanted)?, handed_on) {
+                    (Recalled::Cell(cell), _) => self.finished.add(*cell),
+                    (_, Some(cell)) => self.finished.add(cell.clone()),
+                    (Recalled::NotBelieved(what), None) => {
+                        self.not_believed.push((work, what));
+                        continue;
                     }
+                    (Recalled::Nothing, None) => continue,
                 }
+                found = true;
             }
             if !found {
                 return Ok(());
@@ -173,8 +180,8 @@ impl Studied<'_> {
             Err(error) if error.is_diverged() || error.is_simulation() => Found::Failed(error.to_string()),
             found => found.map_err(|error| error.during(&work.name()))?,
         };
-        let cell = Cell { work: work.clone(), found };
-        self.folder.store(&cell, Fingerprint::of(work, self.set_of(work)))?;
+        let cell = Cell { work: work.clone(), found, fingerprint: fingerprint(work, self.set_of(work)) };
+        self.folder.store(&cell)?;
         Ok(cell)
     }
 
@@ -292,20 +299,30 @@ fn forecast(studied: &Studied<'_>, only: &Only, arguments: &StudyArguments) {
     ));
 }
 
+/// The cells of a file of results.
+fn earlier(path: &Path) -> Result<Finished> {
+    Ok(read_results(path)?.finished)
+}
+
+fn read_results(path: &Path) -> Result<Compact> {
+    let bytes = std::fs::read(path).map_err(|source| match source.kind() {
+        std::io::ErrorKind::NotFound => Error::bad_input("the file of results does not exist").at(path),
+        _ => Error::io("cannot read the results", path, &source),
+    })?;
+    compact::read(&bytes).map_err(|error| error.at(path))
+}
+
 /// The tables of a file of results.
 fn show_results(arguments: &StudyArguments) -> Result<()> {
-    let StudyArguments { study: path, data, out, part, only, dry_run, .. } = arguments;
-    let makes = data.is_some() || out.is_some() || part.is_some() || only.is_some() || *dry_run;
+    let StudyArguments { study: path, data, out, part, only, dry_run, from, .. } = arguments;
+    let makes =
+        data.is_some() || out.is_some() || part.is_some() || only.is_some() || from.is_some() || *dry_run;
     if makes || arguments.write.is_some() {
         return Err(Error::bad_input("a file of results is only shown, with --table, --markdown or --json")
             .at(path)
             .with_hint("give the study file, NAME.toml, to make cells"));
     }
-    let bytes = std::fs::read(path).map_err(|source| match source.kind() {
-        std::io::ErrorKind::NotFound => Error::bad_input("the file of results does not exist").at(path),
-        _ => Error::io("cannot read the results", path, &source),
-    })?;
-    let compact = compact::read(&bytes).map_err(|error| error.at(path))?;
+    let compact = read_results(path)?;
     let summary = summary::summarize(&compact.study, &compact.finished);
     show(&compact, &summary, arguments, None);
     Ok(())

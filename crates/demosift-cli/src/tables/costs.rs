@@ -14,11 +14,6 @@ pub(crate) fn played(costs: &Costs) -> String {
     if costs.spent.is_empty() {
         return String::new();
     }
-    let rows: Vec<Vec<String>> = costs
-        .spent
-        .iter()
-        .map(|(stage, spent)| vec![in_words(stage), spent.environment_steps.to_string()])
-        .collect();
     let of_the_method = match costs.spent.iter().any(|(stage, _)| *stage == costs.judging) {
         true => format!(
             " Every method of the paper may spend {} on learning to imitate and judging; {} spent {} of them.",
@@ -28,7 +23,21 @@ pub(crate) fn played(costs: &Costs) -> String {
         ),
         false => String::new(),
     };
-    let what = format!("What was played, in environment steps.{of_the_method}");
+    stages(costs, &of_the_method)
+}
+
+/// The same of a run that was given its prior, and so has no budget to be held against.
+pub(crate) fn played_from_given(costs: &Costs) -> String {
+    stages(costs, "")
+}
+
+fn stages(costs: &Costs, remark: &str) -> String {
+    let rows: Vec<Vec<String>> = costs
+        .spent
+        .iter()
+        .map(|(stage, spent)| vec![in_words(stage), spent.environment_steps.to_string()])
+        .collect();
+    let what = format!("What was played, in environment steps.{remark}");
     format!("\n{}\n\n{}", wrapped(&what), table(&["stage", "environment steps"], &rows))
 }
 

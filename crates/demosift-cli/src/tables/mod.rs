@@ -5,6 +5,7 @@ pub(crate) mod costs;
 pub(crate) mod forecast;
 pub(crate) mod judgment;
 pub(crate) mod panel;
+pub(crate) mod standing;
 pub(crate) mod study;
 pub(crate) mod verdict;
 pub(crate) mod weights;

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use crate::basics::error::Result;
 use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
-use crate::data::observation_filter::Moments;
+use crate::data::observation_filter::{Moments, ObservationFilter};
 use crate::data::trajectory::Trajectory;
 use crate::learning::advantage::{AdvantageEstimation, Rewarded, advantages};
 use crate::learning::behavioral_cloning::{self, Cloned, Cloning};
@@ -102,6 +102,13 @@ pub struct Learner {
 /// θ and D_meta: the learner that meta-training returns, which adapts quickly to any demonstration.
 pub type MetaPrior = Learner;
 
+/// The filter that all demonstrations of a set share: their observations get mean 0 and spread 1.
+pub fn filter_of(set: &DemonstrationSet) -> ObservationFilter {
+    let mut moments = Moments::default();
+    set.iter().for_each(|(_, demonstration)| moments.add(demonstration.observations()));
+    moments.filter()
+}
+
 impl Learner {
     /// A learner that knows nothing, behind the filter that all of the set's demonstrations share: the start of
     /// meta-training and of imitation from scratch.
@@ -111,10 +118,19 @@ impl Learner {
         discriminator_hidden: &[usize],
         seed: &Seed,
     ) -> Self {
-        let mut moments = Moments::default();
-        set.iter().for_each(|(_, demonstration)| moments.add(demonstration.observations()));
-        let policy = Policy::untrained(shape, moments.filter(), set.action_size(), seed.of("policy"));
-        let pair_size = set.observation_size() + set.action_size();
+        Self::untrained_behind(&filter_of(set), set.action_size(), shape, discriminator_hidden, seed)
+    }
+
+    /// The same behind another filter.
+    pub fn untrained_behind(
+        filter: &ObservationFilter,
+        action_size: usize,
+        shape: &PolicyShape,
+        discriminator_hidden: &[usize],
+        seed: &Seed,
+    ) -> Self {
+        let policy = Policy::untrained(shape, filter.clone(), action_size, seed.of("policy"));
+        let pair_size = filter.observation_size() + action_size;
         let discriminator =
             Discriminator::undecided(discriminator_hidden, pair_size, seed.of("discriminator"));
         Self { policy, discriminator }

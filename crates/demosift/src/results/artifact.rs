@@ -13,6 +13,7 @@ use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::basics::observer::Snapshot;
 use crate::data::demonstration::DemoId;
+use crate::data::likeness::TrainedOn;
 use crate::data::observation_filter::ObservationFilter;
 use crate::learning::adapt::Learner;
 use crate::learning::gail::Discriminator;
@@ -98,6 +99,7 @@ json_artifact!(
     Uncertainty => "uncertainty.json",
     Subset => "subset.json",
     DataOnly => "data_only.json",
+    TrainedOn => "trained_on.json",
     Weighing => "weights.json",
     Panel => "panel.json",
     Verdict => "verdict.json"

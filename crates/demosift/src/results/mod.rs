@@ -9,5 +9,6 @@ pub mod panel;
 mod protobuf;
 pub mod recording;
 pub mod report;
+pub mod standing;
 pub mod tensorboard;
 pub mod uncertainty;

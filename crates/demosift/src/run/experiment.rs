@@ -76,7 +76,8 @@ pub use checkpointing::Checkpointing;
 pub(crate) use checkpointing::{begun, stage_name};
 pub use checks::{check, check_demonstrator, check_fits, check_has_weights};
 pub use judging::{
-    budget, check_budget, first_start, hand_on, judging, judging_seed, opinion, panel, prior, scores,
+    budget, check_budget, first_start, hand_on, hand_on_prior, judging, judging_seed, opinion, panel, prior,
+    scores,
 };
 pub(crate) use judging::{cloning_update, information, learning, learning_seed};
 pub use oracle::{oracle, oracle_curve, policy_from_kept, random_subset};

@@ -19,6 +19,7 @@
 mod choice;
 pub mod compact;
 pub mod estimate;
+mod fingerprint;
 pub mod make;
 mod parts;
 mod plan;
@@ -40,6 +41,7 @@ use crate::stages::imitate::CurvePoint;
 use crate::world::heuristic::Score;
 
 pub use choice::{Choice, TopK};
+pub use fingerprint::{Fingerprint, hash_of_entering};
 pub use parts::{Known, Pool, Seeds, Set};
 pub use plan::{Combination, Judge, Only, Regret, Rule as CombinationRule, Study};
 pub use referee_rates::RefereedSummary;
@@ -257,6 +259,9 @@ pub struct Cell {
     pub work: Work,
     /// What was found.
     pub found: Found,
+    /// What it was made with.
+    #[serde(rename = "of")]
+    pub fingerprint: Fingerprint,
 }
 
 /// All cells that are there, by the name of their work.
@@ -267,6 +272,11 @@ impl Finished {
     /// Adds a cell.
     pub fn add(&mut self, cell: Cell) {
         self.0.insert(cell.work.name(), cell);
+    }
+
+    /// What came of some work, be it a failure.
+    pub fn cell(&self, work: &Work) -> Option<&Cell> {
+        self.0.get(&work.name()).filter(|cell| cell.work == *work)
     }
 
     /// Whether there is a result of some work, be it a failure.

@@ -31,6 +31,7 @@ use crate::basics::error::Result;
 use crate::basics::observer::{Event, Observer};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
+use crate::data::observation_filter::ObservationFilter;
 use crate::data::trajectory::Trajectory;
 use crate::learning::adapt::{InnerUpdate, Learner, MetaPrior, UpdateReport};
 use crate::math::statistics::{mean_of, mean_or_zero};
@@ -189,6 +190,8 @@ pub enum Start<'a> {
         shape: &'a PolicyShape,
         /// Widths of its discriminator's hidden layers.
         discriminator_hidden: &'a [usize],
+        /// Through which it sees observations.
+        filter: &'a ObservationFilter,
     },
 }
 
@@ -197,9 +200,9 @@ impl<'a> Start<'a> {
     pub fn learner(&self, set: &DemonstrationSet, repeat: usize, seed: &Seed) -> Cow<'a, Learner> {
         match self {
             Self::Prior(prior) => Cow::Borrowed(*prior),
-            Self::Untrained { shape, discriminator_hidden } => {
-                let seed = seed.of("start").at(repeat);
-                Cow::Owned(Learner::untrained(set, shape, discriminator_hidden, &seed))
+            Self::Untrained { shape, discriminator_hidden, filter } => {
+                let (seed, hidden) = (seed.of("start").at(repeat), discriminator_hidden);
+                Cow::Owned(Learner::untrained_behind(filter, set.action_size(), shape, hidden, &seed))
             }
         }
     }

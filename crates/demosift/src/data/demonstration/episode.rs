@@ -262,6 +262,16 @@ impl Source {
     /// # Errors
     /// `is_bad_input` if there are fewer than two, they do not fit each other, or one holds a number that is not finite.
     pub fn set(&self) -> Result<DemonstrationSet> {
+        let set = self.set_of_any_size()?;
+        set.check_several()?;
+        Ok(set)
+    }
+
+    /// The same where one demonstration is enough, as it is for a prior that has been made.
+    ///
+    /// # Errors
+    /// `is_bad_input` if there is none, they do not fit each other, or one holds a number that is not finite.
+    pub fn set_of_any_size(&self) -> Result<DemonstrationSet> {
         DemonstrationSet::chosen(self.ids.clone(), self.demonstrations()?)
     }
 

@@ -105,7 +105,7 @@ fn check_sizes(ids: &[DemoId], demonstrations: &[Demonstration]) -> Result<()> {
     Ok(())
 }
 
-/// V: at least two demonstrations of one observation size and one action size (§3).
+/// V: demonstrations of one observation size and one action size (§3), at least one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DemonstrationSet {
     demonstrations: Vec<Demonstration>,
@@ -133,12 +133,18 @@ impl DemonstrationSet {
             ));
         }
         check_sizes(&ids, &demonstrations)?;
-        if demonstrations.len() == 1 {
-            return Err(Error::bad_input(
-                "the set holds 1 demonstration; at least 2 are needed to choose from",
-            ));
-        }
         Ok(Self { demonstrations, ids })
+    }
+
+    /// Whether there are several, as whoever chooses among them needs.
+    ///
+    /// # Errors
+    /// `is_bad_input` if there is one.
+    pub fn check_several(&self) -> Result<()> {
+        match self.len() {
+            1 => Err(Error::bad_input("the set holds 1 demonstration; at least 2 are needed to choose from")),
+            _ => Ok(()),
+        }
     }
 
     /// Number of demonstrations, n.

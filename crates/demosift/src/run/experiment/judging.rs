@@ -5,7 +5,9 @@ use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemonstrationSet;
-use crate::learning::adapt::{InnerUpdate, Learner, MetaPrior, Rule};
+use crate::data::likeness::TrainedOn;
+use crate::data::observation_filter::ObservationFilter;
+use crate::learning::adapt::{self, InnerUpdate, Learner, MetaPrior, Rule};
 use crate::results::artifact::Artifact;
 use crate::results::panel::{self, Found, Judge, Judges, Opinion, Panel};
 use crate::stages::judge::{self, Judged, Judging, JudgingState, ScoreTable, Start, Trial};
@@ -57,6 +59,7 @@ pub fn prior(run: &mut Run<'_>) -> Result<MetaPrior> {
     let seed = learning_seed(config);
     let hidden = &config.meta_train.discriminator_hidden;
     let untrained = Learner::untrained(run.set, &config.policy, hidden, &seed.of("start"));
+    TrainedOn::of(run.set, untrained.policy.filter()).store(run.ledger, "")?;
     match config.method {
         Method::Maml | Method::MamlMi => meta_trained(run, untrained, &seed),
         Method::AvgFineTune => pre_trained(run, untrained, &seed),
@@ -111,8 +114,8 @@ pub fn scores(run: &mut Run<'_>, judge: Judge) -> Result<ScoreTable> {
     }
     match judge {
         Judge::Cloning => {
-            let (start, inner) = (untrained(run.config), cloning_update(run.config));
-            judged(run, judge, start, &inner)
+            let (filter, inner) = (filter(run)?, cloning_update(run.config));
+            judged(run, judge, untrained(run.config, &filter), &inner)
         }
         Judge::Paper => {
             let prior = prior(run)?;
@@ -137,7 +140,7 @@ pub fn first_start(run: &Run<'_>, judge: Judge) -> Result<Policy> {
     let seed = judging_seed(run.config, judge);
     let policy = |start: Start<'_>| start.learner(run.set, 0, &seed).policy.clone();
     match judge {
-        Judge::Cloning => Ok(policy(untrained(run.config))),
+        Judge::Cloning => Ok(policy(untrained(run.config, &filter(run)?))),
         Judge::Paper => {
             let prior = MetaPrior::recall(run.ledger, "")?
                 .ok_or_else(|| Error::bad_input("the run folder holds no prior.safetensors any more"))?;
@@ -147,8 +150,15 @@ pub fn first_start(run: &Run<'_>, judge: Judge) -> Result<Policy> {
 }
 
 /// From what the judge by cloning starts.
-fn untrained(config: &Config) -> Start<'_> {
-    Start::Untrained { shape: &config.policy, discriminator_hidden: &config.meta_train.discriminator_hidden }
+fn untrained<'a>(config: &'a Config, filter: &'a ObservationFilter) -> Start<'a> {
+    let discriminator_hidden = &config.meta_train.discriminator_hidden;
+    Start::Untrained { shape: &config.policy, discriminator_hidden, filter }
+}
+
+/// That of the set, or of the one on which the prior was trained that the run was given.
+fn filter(run: &Run<'_>) -> Result<ObservationFilter> {
+    let prior = MetaPrior::recall(run.ledger, "")?;
+    Ok(prior.map_or_else(|| adapt::filter_of(run.set), |prior| prior.policy.filter().clone()))
 }
 
 /// Algorithm 2.
@@ -173,14 +183,23 @@ pub fn judging_seed(config: &Config, judge: Judge) -> Seed {
 /// Gives a run about one goal what a run about all of them has found out: the prior, and what each judge found under this
 /// goal (Eq. 9 is taken per goal). What the run about one goal has already stays.
 pub fn hand_on(from: &dyn Ledger, to: &mut dyn Ledger, goal: EnvVariant) -> Result<()> {
-    if let (Some(prior), None) = (MetaPrior::recall(from, "")?, MetaPrior::recall(to, "")?) {
-        prior.store(to, "")?;
-    }
+    hand_on_prior(from, to)?;
     for judge in Judges::Both.each() {
         let name = judge.name();
         if let (Some(judged), None) = (Judged::recall(from, name)?, Judged::recall(to, name)?) {
             judged.under(goal).store(to, name)?;
         }
+    }
+    Ok(())
+}
+
+/// Gives a run the prior of another, with what is known of the demonstrations that this was trained on.
+pub fn hand_on_prior(from: &dyn Ledger, to: &mut dyn Ledger) -> Result<()> {
+    if let (Some(prior), None) = (MetaPrior::recall(from, "")?, MetaPrior::recall(to, "")?) {
+        if let Some(trained_on) = TrainedOn::recall(from, "")? {
+            trained_on.store(to, "")?;
+        }
+        prior.store(to, "")?;
     }
     Ok(())
 }

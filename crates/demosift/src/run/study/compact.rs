@@ -1,14 +1,16 @@
 //! A study with all its cells as one compact file, a cell a line: what a result page is made from.
 
+use std::collections::BTreeSet;
+
 use serde::{Deserialize, Serialize};
 use serde_json::{Number, Value};
 
 use super::pools::PoolSummary;
-use super::{Cell, Finished, Study};
+use super::{Cell, Fingerprint, Finished, Found, Study, Work};
 use crate::basics::error::{Error, Result};
 
 /// Changes when a reader of before could no longer read the file.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Digits of a number that count.
 const DIGITS: usize = 6;
 
@@ -32,30 +34,51 @@ struct File {
     demosift: String,
     study: Study,
     notes: Vec<String>,
-    cells: Vec<Cell>,
+    /// What cells were made with, each once; a cell has the place of its own here.
+    made_with: Vec<Fingerprint>,
+    cells: Vec<Numbered>,
     /// For other readers; found again from the cells by this one.
     pools: Vec<Value>,
+}
+
+/// A cell, with what it was made with by its place in `made_with`.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Numbered {
+    work: Work,
+    found: Found,
+    of: usize,
 }
 
 /// The bytes of the file, numbers rounded to six digits.
 pub fn write(compact: &Compact, pools: &[PoolSummary]) -> Vec<u8> {
     let Compact { demosift, study, notes, finished } = compact;
-    let plain = |value: Value| rounded(without_curves(value));
+    let made_with: BTreeSet<&Fingerprint> = finished.cells().map(|cell| &cell.fingerprint).collect();
+    let made_with: Vec<&Fingerprint> = made_with.into_iter().collect();
+    let numbered = |cell: &Cell| Numbered {
+        work: cell.work.clone(),
+        found: cell.found.clone(),
+        of: made_with.binary_search(&&cell.fingerprint).expect("all of them are there"),
+    };
     let lines = |values: Vec<Value>| {
-        let lines: Vec<String> = values.into_iter().map(|value| plain(value).to_string()).collect();
+        let lines: Vec<String> =
+            values.into_iter().map(|value| rounded(without_curves(value)).to_string()).collect();
         if lines.is_empty() { "[]".to_owned() } else { format!("[\n{}\n]", lines.join(",\n")) }
     };
-    let cells = finished.cells().map(|cell| serde_json::to_value(cell).expect("a cell is plain data"));
-    let pools = pools.iter().map(|pool| serde_json::to_value(pool).expect("a pool is plain data"));
     let head = [
         format!("\"version\":{VERSION}"),
         format!("\"demosift\":{}", json(demosift)),
         format!("\"study\":{}", json(study)),
         format!("\"notes\":{}", json(notes)),
-        format!("\"cells\":{}", lines(cells.collect())),
-        format!("\"pools\":{}", lines(pools.collect())),
+        format!("\"made_with\":{}", lines(made_with.iter().map(value).collect())),
+        format!("\"cells\":{}", lines(finished.cells().map(|cell| value(&numbered(cell))).collect())),
+        format!("\"pools\":{}", lines(pools.iter().map(value).collect())),
     ];
     format!("{{\n{}\n}}\n", head.join(",\n")).into_bytes()
+}
+
+fn value(of: &impl Serialize) -> Value {
+    serde_json::to_value(of).expect("plain data is JSON")
 }
 
 fn json(value: &impl Serialize) -> String {
@@ -79,9 +102,19 @@ pub fn read(bytes: &[u8]) -> Result<Compact> {
             "this file of a study has format version {version}; this demosift reads version {VERSION}"
         )));
     }
-    let File { demosift, study, notes, cells, .. } = serde_json::from_slice(bytes).map_err(wrong)?;
+    let File { demosift, study, notes, made_with, cells, .. } =
+        serde_json::from_slice(bytes).map_err(wrong)?;
     study.check()?;
-    Ok(Compact { demosift, study, notes, finished: cells.into_iter().collect() })
+    let cell = |Numbered { work, found, of }: Numbered| match made_with.get(of) {
+        Some(fingerprint) => Ok(Cell { work, found, fingerprint: fingerprint.clone() }),
+        None => Err(Error::bad_input(format!(
+            "this is not the file of a study: the cell {} was made with entry {of} of {} in made_with",
+            work.name(),
+            made_with.len()
+        ))),
+    };
+    let finished = cells.into_iter().map(cell).collect::<Result<Finished>>()?;
+    Ok(Compact { demosift, study, notes, finished })
 }
 
 /// The same without the curves of trainings, which would be most of the file.

@@ -58,6 +58,7 @@ fn judged(method: &str, seed: u64, scores: [f64; 4]) -> Cell {
             once: cost(1000),
             judging: cost(400),
         }),
+        fingerprint: Fingerprint::default(),
     }
 }
 
@@ -71,6 +72,7 @@ fn trained(demos: &[usize], seed: u64, end: f64) -> Cell {
             cost: Cost::default(),
             curve: Curve::default(),
         }),
+        fingerprint: Fingerprint::default(),
     }
 }
 
@@ -133,7 +135,7 @@ fn an_oracle_that_is_not_finished_does_not_say_what_is_best() {
     assert_eq!(best(&part), None);
     let mut failed = part;
     let work = Work::Training { set: "four".to_owned(), demos: ids(&[3]), imitator: Rule::Gail, seed: 1 };
-    failed.add(Cell { work, found: Found::Failed("NaN".to_owned()) });
+    failed.add(Cell { work, found: Found::Failed("NaN".to_owned()), fingerprint: Fingerprint::default() });
     assert_eq!(best(&failed), Some(ids(&[2])), "by the seed that is left");
     assert_eq!(summarize(&study, &failed).failures.len(), 1);
 }
@@ -397,6 +399,8 @@ fn a_compact_file_comes_back_and_a_bad_one_is_told() {
     if let Found::Training(result) = &mut cell.found {
         result.curve.score = vec![1.0, 2.0];
     }
+    cell.fingerprint.task = "another".to_owned();
+    let (work, other) = (cell.work.clone(), cell.fingerprint.clone());
     finished.add(cell);
     let compact =
         compact::Compact { demosift: "0".to_owned(), study, notes: vec!["a note".to_owned()], finished };
@@ -407,9 +411,13 @@ fn a_compact_file_comes_back_and_a_bad_one_is_told() {
     assert_eq!(compact::write(&back, &[]), bytes);
     let rounded = back.finished.training("four", &ids(&[0, 1]), Rule::Gail, 0).expect("kept");
     assert_eq!(rounded.end.score, 0.123_457);
+    assert_eq!(back.finished.cell(&work).expect("kept").fingerprint, other);
+    assert!(back.finished.cells().filter(|cell| cell.fingerprint == Fingerprint::default()).count() == 14);
     assert!(rounded.curve.is_empty(), "a compact file has no curves");
     assert_eq!((back.study, back.notes), (compact.study, compact.notes));
-    for bad in ["", "{}", "{\"version\": 9}", "[1]"] {
+    let beyond = text.replace("\"of\":1", "\"of\":7");
+    assert_ne!(beyond, text);
+    for bad in ["", "{}", "{\"version\": 9}", "[1]", &beyond] {
         assert!(compact::read(bad.as_bytes()).expect_err("bad").is_bad_input());
     }
 }

@@ -1,0 +1,108 @@
+//! `demosift judge --prior RUN`: MetaPrior of an earlier run → where new demonstrations stand in its ranking.
+
+use std::path::Path;
+
+use demosift::Result;
+use demosift::basics::seed::Seed;
+use demosift::data::likeness::{Likeness, TrainedOn};
+use demosift::results::artifact::Artifact as _;
+use demosift::results::panel::{Judge, Panel};
+use demosift::results::standing::{self, Earlier};
+use demosift::run::experiment;
+use demosift::run::forecast::Goal;
+use demosift::stages::judge::{Judged, ScoreTable};
+use demosift::stages::method::{Costs, Spent};
+use demosift::stages::select::Subset;
+use demosift::world::environment::EnvVariant;
+
+use super::{dry_run, kept_in};
+use crate::answers::{self, OfRun};
+use crate::arguments::JobArguments;
+use crate::given_prior::GivenPrior;
+use crate::job::Job;
+use crate::tables::costs;
+use crate::tables::standing::{self as tables, Account, Found};
+use crate::terminal;
+
+pub(super) fn run(arguments: &JobArguments, prior: &Path) -> Result<()> {
+    let given = GivenPrior::open(prior)?;
+    let mut job = Job::open_given(arguments, &given)?;
+    if arguments.run.dry_run {
+        return dry_run::of_job(&mut job, Goal::Scores, &arguments.run);
+    }
+    let likeness = likeness(&given, &job)?;
+    if !arguments.run.json {
+        terminal::show(&tables::likeness(&job.set().ids(), likeness.as_deref()));
+    }
+    let judges = job.run(|run| Ok(run.config.judges.each()))?;
+    let mut found = Vec::new();
+    for &judge in judges {
+        let scores = job.run(|run| experiment::scores(run, judge))?;
+        let of_judge = standings(&given, &job, judge, &scores)?;
+        if !arguments.run.json {
+            terminal::show(&tables::of_judge(judge, &scores, &of_judge, job.unit()));
+        }
+        found.extend(of_judge);
+    }
+    let decides = Panel::recall(&given.folder, "")?.map(|panel| panel.decides);
+    let costs = job.costs()?;
+    if arguments.run.json {
+        let answer = answers::Standings {
+            prior: &given.origin.run,
+            decides,
+            judges: found.iter().map(answers::StandingsOfJudge::new).collect(),
+            likeness: likeness.as_deref(),
+            costs: answers::Spending::of(&costs),
+        };
+        terminal::show_json(&OfRun::new(&job, answer));
+        return Ok(());
+    }
+    terminal::show(&tables::decides(decides, &found));
+    terminal::show(&costs::played_from_given(&costs));
+    if let Some(account) = account(&given, &costs, job.set().len())? {
+        terminal::show(&tables::account(account));
+    }
+    terminal::show(&kept_in(job.folder(), job.variant()));
+    Ok(())
+}
+
+/// What the judge of the paper cost, where the earlier run says what its prior did.
+fn account(given: &GivenPrior, costs: &Costs, demonstrations: usize) -> Result<Option<Account>> {
+    let once = given.config.method.stage().map(|stage| Spent::recall(&given.folder, stage)).transpose()?;
+    let judged = costs.spent.iter().find(|(stage, _)| *stage == costs.judging);
+    Ok(once.flatten().zip(judged).map(|(once, (_, judged))| Account {
+        once: once.environment_steps,
+        each: judged.environment_steps / demonstrations as u64,
+    }))
+}
+
+/// How like each new demonstration is to those that the prior was trained on, where these were written down.
+fn likeness(given: &GivenPrior, job: &Job) -> Result<Option<Vec<Likeness>>> {
+    let filter = given.prior().policy.filter();
+    let trained_on = TrainedOn::recall(&given.folder, "")?;
+    Ok(trained_on.map(|trained_on| {
+        job.set().iter().map(|(_, demonstration)| trained_on.likeness(demonstration, filter)).collect()
+    }))
+}
+
+/// Where each new demonstration stands, under each goal; nothing where the earlier run has no scores by this judge.
+fn standings(given: &GivenPrior, job: &Job, judge: Judge, new: &ScoreTable) -> Result<Vec<Found>> {
+    let Some(Judged { scores: earlier, .. }) = Judged::recall(&given.folder, judge.name())? else {
+        return Ok(Vec::new());
+    };
+    let keep = given.config.keep;
+    let seed = Seed::new(given.config.seed).of(judge.name());
+    let several = job.variants().len() > 1;
+    let kept = match Subset::recall(&given.folder, "")? {
+        Some(subset) if !several => subset.demos.len(),
+        _ => keep.count_before_judging(earlier.demos().len()),
+    };
+    let under = |(index, goal): (usize, &String)| {
+        let variant = EnvVariant(index);
+        let earlier = earlier.under(variant);
+        let earlier = Earlier { scores: &earlier, keep, kept };
+        let standings = standing::standings(&earlier, &new.under(variant), &seed)?;
+        Ok(Found { judge, goal: several.then(|| goal.clone()), standings, kept })
+    };
+    job.variants().iter().enumerate().map(under).collect()
+}

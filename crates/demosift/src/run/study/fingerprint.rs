@@ -1,0 +1,61 @@
+//! What a cell depends on besides its work, so that it is believed only while all of that is the same.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::Work;
+use crate::basics::files;
+use crate::results::panel::Judges;
+use crate::run::experiment::Config;
+
+/// What a cell was made with.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fingerprint {
+    /// The version of demosift.
+    pub demosift: String,
+    /// Name and variant, and the hash of a user's own files.
+    pub task: String,
+    /// Hash of the demonstrations, and which episodes of them.
+    pub set: String,
+    /// Hash of the values that enter the work, as [`hash_of_entering`] makes it.
+    pub configuration: String,
+}
+
+impl Fingerprint {
+    /// What differs, in words.
+    pub fn difference(&self, now: &Self) -> Option<&'static str> {
+        let pairs = [
+            ("another version of demosift", &self.demosift, &now.demosift),
+            ("another task", &self.task, &now.task),
+            ("other demonstrations", &self.set, &now.set),
+            ("another configuration", &self.configuration, &now.configuration),
+        ];
+        pairs.into_iter().find(|(_, old, now)| old != now).map(|(what, _, _)| what)
+    }
+}
+
+/// The hash of the values that enter some work; imitator and seed stand in the work itself.
+pub fn hash_of_entering(work: &Work, config: &Config) -> String {
+    let mut values = serde_json::to_value(config).expect("a configuration is plain data");
+    if let Value::Object(fields) = &mut values {
+        fields.retain(|key, _| enters(work, config.judges, key));
+        if let Some(Value::Object(update)) = fields.get_mut("imitate").and_then(|of| of.get_mut("update")) {
+            update.remove("imitation");
+        }
+    }
+    files::sha256_of(values.to_string().as_bytes())
+}
+
+/// Whether some part of the configuration can change what a cell finds; `keep` does, as repeats race for its cut.
+fn enters(work: &Work, judges: Judges, key: &str) -> bool {
+    const NEVER_JUDGES: [&str; 4] = ["seed", "imitate", "subset_selection", "referee"];
+    const PAPER_ALONE: [&str; 5] = ["method", "inner", "meta_train", "mutual_information", "judge"];
+    match (work, judges) {
+        (Work::Training { .. }, _) => ["policy", "imitate"].contains(&key),
+        (Work::Judging { .. }, _) if NEVER_JUDGES.contains(&key) => false,
+        (Work::Judging { .. }, Judges::Cloning) => !PAPER_ALONE.contains(&key),
+        (Work::Judging { .. }, Judges::Paper) => key != "cloning_judge",
+        (Work::Judging { .. }, Judges::Both) => true,
+    }
+}
