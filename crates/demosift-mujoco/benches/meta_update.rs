@@ -20,10 +20,14 @@ use demosift::run::experiment::Config;
 use demosift::run::preset::Preset;
 use demosift::stages::imitate::{self, Imitation, ImitationState, Lesson};
 use demosift::stages::meta_train::{self, Learning, MetaState, MetaTraining, Order};
-use demosift::world::environment::{EnvVariant, Environment, Specification, StepOutcome, Task};
+use demosift::world::environment::{
+    EnvVariant, Environment, Specification, StepOutcome, Stepped, Task, Worker,
+};
 use demosift::world::heuristic::Heuristic;
 use demosift::world::policy::Policy;
 use demosift::world::rollout::{self, Acting, Playground};
+use demosift_mujoco::environment::MujocoEnvironment;
+use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
 
 const SHARE_GOAL: f64 = 0.75;
@@ -60,7 +64,7 @@ fn main() {
         if !wanted.is_empty() && !wanted.iter().any(|task| task == name) {
             continue;
         }
-        let task = Timed { task: Box::new(registry::load(name).unwrap()), nanos: Arc::default() };
+        let task = Timed { task: registry::load(name).unwrap(), nanos: Arc::default() };
         let set = episodes_of_untrained(&task, demonstrations);
         for threads in [1, 2] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -174,7 +178,7 @@ impl Observer for Watch<'_> {
 
 /// A task whose environments add up the time that they take.
 struct Timed {
-    task: Box<dyn Task>,
+    task: MujocoTask,
     nanos: Arc<AtomicU64>,
 }
 
@@ -189,9 +193,10 @@ impl Task for Timed {
         self.task.specification()
     }
 
-    fn environment(&self) -> Result<Box<dyn Environment>> {
-        let environment = self.task.environment()?;
-        Ok(Box::new(TimedEnvironment { environment, nanos: Arc::clone(&self.nanos) }))
+    fn worker(&self) -> Result<Box<dyn Worker>> {
+        let environment = self.task.mujoco_environment()?;
+        let timed = TimedEnvironment { environment, nanos: Arc::clone(&self.nanos) };
+        Ok(Box::new(Stepped::new(timed, self.task.specification())))
     }
 
     fn heuristic(&self) -> &dyn Heuristic {
@@ -204,14 +209,14 @@ impl Task for Timed {
 }
 
 struct TimedEnvironment {
-    environment: Box<dyn Environment>,
+    environment: MujocoEnvironment,
     nanos: Arc<AtomicU64>,
 }
 
 impl TimedEnvironment {
     fn timed<R>(&mut self, work: impl FnOnce(&mut dyn Environment) -> R) -> R {
         let start = Instant::now();
-        let result = work(self.environment.as_mut());
+        let result = work(&mut self.environment);
         self.nanos.fetch_add(start.elapsed().as_nanos() as u64, Ordering::Relaxed);
         result
     }

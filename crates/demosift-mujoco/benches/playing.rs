@@ -129,7 +129,7 @@ fn timed(threads: usize, work: impl Fn() -> f64 + Sync) -> f64 {
 
 fn play(task: &MujocoTask, actions: &[Vec<f32>]) -> f64 {
     let specification = task.specification();
-    let mut environment = task.environment().unwrap();
+    let mut environment = task.mujoco_environment().unwrap();
     let mut observation = vec![0.0; specification.observation_size];
     let mut measurements = vec![0.0; specification.measurements.len()];
     let start = Instant::now();

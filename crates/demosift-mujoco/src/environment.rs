@@ -12,12 +12,12 @@ use std::sync::Arc;
 
 use demosift::basics::seed::Seed;
 use demosift::world::environment::{EnvVariant, Environment, SimulatorState, StepOutcome};
+use demosift::world::fold::FoldState;
 use demosift::{Error, Result};
 use mujoco_rs::prelude::{MjData, MjtWarning};
 
 use crate::model::Model;
 use crate::task::blueprint::Blueprint;
-use crate::task::heuristic_fold::FoldState;
 use crate::task::measurement::{Data, Moment, Step};
 use crate::task::observation::Reading;
 use crate::task::reward::Transition;

@@ -87,10 +87,11 @@ pub mod environment;
 mod include;
 pub mod model;
 pub mod mujoco_task;
-pub mod names;
 pub mod pictures;
 mod quiet;
 pub mod registry;
 pub mod replay;
 pub mod task;
 mod tasks;
+
+pub use demosift::basics::names;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use demosift::math::rows::Rows;
-use demosift::world::environment::{Environment, Specification, Task};
+use demosift::world::environment::{Specification, Stepped, Task, Worker};
 use demosift::world::heuristic::Heuristic;
 use demosift::{Error, Result};
 
@@ -49,7 +49,7 @@ impl MujocoTask {
     /// ```
     /// use demosift::basics::seed::Seed;
     /// use demosift::math::rows::Rows;
-    /// use demosift::world::environment::{EnvVariant, Task};
+    /// use demosift::world::environment::{EnvVariant, Environment, Task};
     /// use demosift_mujoco::mujoco_task::MujocoTask;
     ///
     /// let cart = r#"
@@ -81,7 +81,7 @@ impl MujocoTask {
     /// assert_eq!(task.specification().control_ranges, [[-2.0, 2.0]]); // what −1 and 1 mean
     ///
     /// // Pushed with all its force the cart goes east; the score is how far it came.
-    /// let mut environment = task.environment()?;
+    /// let mut environment = task.mujoco_environment()?;
     /// let (mut observation, mut measurements) = ([0.0; 2], [0.0; 1]);
     /// environment.reset(EnvVariant(0), Seed::new(1), &mut observation, &mut measurements);
     /// let mut measured = Rows::with_capacity(1, 41);
@@ -119,7 +119,7 @@ impl MujocoTask {
         Ok(Self(Arc::new(blueprint)))
     }
 
-    /// A new running instance, with the methods that only MuJoCo's environments have.
+    /// A new running instance, to be stepped by hand.
     ///
     /// # Errors
     /// If MuJoCo has no memory for it.
@@ -152,8 +152,8 @@ impl Task for MujocoTask {
         &self.0.specification
     }
 
-    fn environment(&self) -> Result<Box<dyn Environment>> {
-        Ok(Box::new(self.mujoco_environment()?))
+    fn worker(&self) -> Result<Box<dyn Worker>> {
+        Ok(Box::new(Stepped::new(self.mujoco_environment()?, self.specification())))
     }
 
     fn heuristic(&self) -> &dyn Heuristic {

@@ -4,7 +4,7 @@
 use demosift::basics::seed::Seed;
 use demosift::data::demonstration::d4rl::{self, Episode, States};
 use demosift::data::observation_filter::ObservationFilter;
-use demosift::world::environment::{EnvVariant, OneVariant, Task};
+use demosift::world::environment::{EnvVariant, Episode as Asked, OneVariant, Rollout, Task};
 use demosift::world::policy::{Policy, PolicyShape};
 use demosift::world::rollout::{self, Acting, Playground};
 use demosift_mujoco::{registry, replay};
@@ -18,18 +18,29 @@ fn untrained(task: &dyn Task) -> Policy {
     Policy::untrained(&shape, filter, specification.action_size, Seed::new(1))
 }
 
+fn with_states(playground: &Playground<'_>, seed: u64, count: usize) -> Vec<Rollout> {
+    let policy = untrained(playground.task());
+    let seeds = Seed::new(seed).many(count);
+    let episodes = seeds.iter().map(|seed| Asked {
+        policy: &policy,
+        acting: Acting::Sampled,
+        variant: EnvVariant(0),
+        seed,
+        keep_states: true,
+    });
+    rollout::play_episodes(playground, &episodes.collect::<Vec<_>>()).unwrap()
+}
+
 #[test]
 fn an_episode_stops_where_it_ends_and_all_that_is_made_of_it_is_of_what_was_played() {
     let task = registry::load("walker2d").unwrap();
     let playground = Playground::new(&task);
-    let seeds = || Seed::new(4).many(EPISODES);
-    let played =
-        rollout::play(&playground, &untrained(&task), Acting::Sampled, EnvVariant(0), seeds()).unwrap();
+    let played = with_states(&playground, 4, EPISODES);
     let column = |name: &str| task.specification().measurement(name).unwrap();
     let (x, height, lean) = (column("x"), column("height"), column("lean"));
     let is_up = |row: &[f32]| row[height] > 0.8 && row[height] < 2.0 && row[lean].abs() < 1.0;
     let mut lengths = Vec::new();
-    for (trajectory, seed) in played.iter().zip(seeds()) {
+    for Rollout { trajectory, states } in &played {
         let rows = trajectory.measurements();
         let steps = trajectory.steps();
         assert!(trajectory.terminated() && steps < 1000);
@@ -42,9 +53,9 @@ fn an_episode_stops_where_it_ends_and_all_that_is_made_of_it_is_of_what_was_play
         let found = task.true_return(rows).unwrap();
         assert!((found - wanted).abs() < 1e-3 * wanted.abs().max(1.0), "{found} {wanted}");
         // The same from the states, as of a recorded set.
-        let states = rollout::state_log(&playground, trajectory, EnvVariant(0), &seed).unwrap().unwrap();
+        let states = states.as_ref().unwrap();
         assert_eq!(states.qpos.len(), steps * 9);
-        let again = replay::measurements(&task, &states, trajectory.actions()).unwrap();
+        let again = replay::measurements(&task, states, trajectory.actions()).unwrap();
         assert_eq!(again.head(steps), rows.head(steps));
         assert!(!is_up(again.row(steps)));
         lengths.push(steps);
@@ -56,15 +67,11 @@ fn an_episode_stops_where_it_ends_and_all_that_is_made_of_it_is_of_what_was_play
 fn recorded_episodes_of_several_lengths_come_back_as_they_were() {
     let task = registry::load("walker2d").unwrap();
     let playground = Playground::new(&task);
-    let seeds = || Seed::new(5).many(3);
-    let played =
-        rollout::play(&playground, &untrained(&task), Acting::Sampled, EnvVariant(0), seeds()).unwrap();
+    let (played, logs): (Vec<_>, Vec<_>) = with_states(&playground, 5, 3)
+        .into_iter()
+        .map(|Rollout { trajectory, states }| (trajectory, states.unwrap()))
+        .unzip();
     let observations: Vec<_> = played.iter().map(|one| one.observations().head(one.steps())).collect();
-    let logs: Vec<_> = played
-        .iter()
-        .zip(seeds())
-        .map(|(one, seed)| rollout::state_log(&playground, one, EnvVariant(0), &seed).unwrap().unwrap())
-        .collect();
     let episodes: Vec<Episode<'_>> = (0..3)
         .map(|id| Episode {
             observations: &observations[id],

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stderr, missing_docs)]
 
 use demosift::basics::seed::Seed;
-use demosift::data::trajectory::{Parts, Trajectory};
+use demosift::data::trajectory::{Ended, Parts, Trajectory};
 use demosift::math::rows::Rows;
 use demosift::world::environment::{EnvVariant, Environment, Task};
 use demosift_mujoco::environment::MujocoEnvironment;
@@ -44,7 +44,7 @@ fn an_unstable_simulation_is_an_error_of_the_trajectory() {
         actions: Rows::from_flat(vec![0.0; 6], 6).unwrap(),
         measurements: Rows::from_flat(vec![0.0; 2], 1).unwrap(),
         task_rewards: vec![0.0],
-        terminated: false,
+        ended: Ended::Horizon,
     });
     assert!(error.unwrap_err().is_diverged());
 }

@@ -9,7 +9,7 @@ use demosift::data::observation_filter::ObservationFilter;
 use demosift::data::trajectory::StateLog;
 use demosift::math::agreement;
 use demosift::math::rows::Rows;
-use demosift::world::environment::{EnvVariant, Task};
+use demosift::world::environment::{EnvVariant, Episode, Rollout, Task};
 use demosift::world::policy::{Policy, PolicyShape};
 use demosift::world::rollout::{self, Acting, Playground};
 use demosift_mujoco::mujoco_task::MujocoTask;
@@ -57,11 +57,10 @@ fn rolled_out(task: &MujocoTask, number: usize) -> (Rows, Rows, StateLog) {
     let filter = ObservationFilter::identity(specification.observation_size);
     let policy = Policy::untrained(&shape, filter, specification.action_size, Seed::new(1));
     let variant = EnvVariant(number % specification.variants.len());
-    let seed = || Seed::new(7).at(number);
-    let played =
-        rollout::play(&playground, &policy, Acting::Sampled, variant, vec![seed()]).unwrap().remove(0);
-    let states = rollout::state_log(&playground, &played, variant, &seed()).unwrap().unwrap();
-    (played.measurements().clone(), played.actions().clone(), states)
+    let (policy, acting, seed) = (&policy, Acting::Sampled, &Seed::new(7).at(number));
+    let episode = Episode { policy, acting, variant, seed, keep_states: true };
+    let Rollout { trajectory, states } = rollout::play_episodes(&playground, &[episode]).unwrap().remove(0);
+    (trajectory.measurements().clone(), trajectory.actions().clone(), states.unwrap())
 }
 
 #[test]

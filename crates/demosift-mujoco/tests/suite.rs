@@ -9,7 +9,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use demosift::basics::seed::{Rng, Seed};
-use demosift::data::trajectory::{Parts, Trajectory};
+use demosift::data::trajectory::{Ended, Parts, Trajectory};
 use demosift::math::rows::Rows;
 use demosift::world::environment::{EnvVariant, Environment, Specification, Task};
 use demosift_mujoco::environment::MujocoEnvironment;
@@ -87,7 +87,7 @@ fn episode_of(
         actions: Rows::with_capacity(specification.action_size, steps),
         measurements: Rows::with_capacity(measurements.len(), steps + 1),
         task_rewards: Vec::new(),
-        terminated: false,
+        ended: Ended::Horizon,
     };
     parts.observations.push(&observation);
     parts.measurements.push(&measurements);
@@ -98,8 +98,8 @@ fn episode_of(
         parts.actions.push(&action);
         parts.measurements.push(&measurements);
         parts.task_rewards.push(outcome.task_reward);
-        parts.terminated = outcome.terminated;
-        if parts.terminated {
+        if outcome.terminated {
+            parts.ended = Ended::Terminated;
             break;
         }
     }
@@ -138,12 +138,12 @@ fn a_task_is_registered_under_its_own_name() {
 #[test]
 fn the_same_seed_gives_the_same_bits_whichever_instance_and_thread() {
     each(|task| {
-        let mut other = task.environment().unwrap();
-        let first = episode_of(task, &mut *task.environment().unwrap(), 0, 150);
-        assert_eq!(first, episode_of(task, &mut *other, 0, 150));
-        assert_ne!(first, episode_of(task, &mut *other, 1, 150), "another seed, another episode");
+        let mut other = task.mujoco_environment().unwrap();
+        let first = episode_of(task, &mut task.mujoco_environment().unwrap(), 0, 150);
+        assert_eq!(first, episode_of(task, &mut other, 0, 150));
+        assert_ne!(first, episode_of(task, &mut other, 1, 150), "another seed, another episode");
         let elsewhere = std::thread::scope(|scope| {
-            let worker = scope.spawn(|| episode_of(task, &mut *task.environment().unwrap(), 0, 150));
+            let worker = scope.spawn(|| episode_of(task, &mut task.mujoco_environment().unwrap(), 0, 150));
             worker.join().unwrap()
         });
         assert_eq!(first, elsewhere);
@@ -153,7 +153,7 @@ fn the_same_seed_gives_the_same_bits_whichever_instance_and_thread() {
 #[test]
 fn reset_leaves_no_trace_of_what_went_before() {
     each(|task| {
-        let fresh = episode_of(task, &mut *task.environment().unwrap(), 1, 150);
+        let fresh = episode_of(task, &mut task.mujoco_environment().unwrap(), 1, 150);
         let mut used = task.mujoco_environment().unwrap();
         episode_of(task, &mut used, 0, 77);
         assert_eq!(fresh, episode_of(task, &mut used, 1, 150));

@@ -10,7 +10,7 @@ use demosift::learning::mutual_information::{Paid, PosteriorFitting};
 use demosift::math::rows::Rows;
 use demosift::run::preset::Preset;
 use demosift::stages::meta_train::{self, Learning, MetaState, MetaTraining, MutualInformation};
-use demosift::world::environment::{EnvVariant, Task};
+use demosift::world::environment::{EnvVariant, Environment};
 use demosift::world::point_mass::PointMass;
 use demosift::world::policy::PolicyShape;
 use demosift::world::rollout::Playground;
@@ -20,7 +20,7 @@ const IGNORANT: f64 = -1.418_938_533;
 
 /// The point is driven so far to the east and held there; the norm of the observations tells how far.
 fn driven(distance: f32, seed: Seed) -> Demonstration {
-    let mut point = PointMass::new().environment().unwrap();
+    let mut point = PointMass::new().environment();
     let (mut observation, mut measurements) = ([0.0; 4], [0.0; 3]);
     point.reset(EnvVariant(0), seed, &mut observation, &mut measurements);
     let (mut observations, mut actions) = (Rows::with_capacity(4, 30), Rows::with_capacity(2, 30));

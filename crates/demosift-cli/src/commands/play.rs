@@ -7,7 +7,7 @@ use demosift::data::demonstration::{self, DemoId, DemonstrationSet};
 use demosift::data::trajectory::StateLog;
 use demosift::math::rows::Rows;
 use demosift::results::artifact;
-use demosift::world::environment::{EnvVariant, Specification};
+use demosift::world::environment::{EnvVariant, Episode as Asked, Rollout, Specification};
 use demosift::world::heuristic::Score;
 use demosift::world::policy::Policy;
 use demosift::world::rollout::{self, Acting, Playground};
@@ -78,19 +78,18 @@ fn play(chosen: &Chosen, path: &Path, arguments: &PlayArguments) -> Result<Vec<E
         return Err(Error::bad_config("--episodes 0: must be at least 1"));
     }
     let acting = if arguments.sampled { Acting::Sampled } else { Acting::Mean };
-    let seed = Seed::new(arguments.seed).of("play");
-    let seeds = || (0..arguments.episodes).map(|episode| seed.at(episode));
-    let played = rollout::play(&playground, &policy, acting, variant, seeds().collect())?;
-    let episodes = played.iter().zip(seeds()).enumerate().map(|(number, (played, seed))| {
-        Ok(Episode {
-            name: format!("episode {number}"),
-            steps: played.steps(),
-            score: playground.score(played),
-            succeeded: playground.task().succeeded(played.measurements()),
-            states: rollout::state_log(&playground, played, variant, &seed)?,
-        })
+    let seeds = Seed::new(arguments.seed).of("play").many(arguments.episodes);
+    let policy = &policy;
+    let asked = seeds.iter().map(|seed| Asked { policy, acting, variant, seed, keep_states: true });
+    let played = rollout::play_episodes(&playground, &asked.collect::<Vec<_>>())?;
+    let episodes = played.into_iter().enumerate().map(|(number, Rollout { trajectory, states })| Episode {
+        name: format!("episode {number}"),
+        steps: trajectory.steps(),
+        score: playground.score(&trajectory),
+        succeeded: playground.task().succeeded(trajectory.measurements()),
+        states,
     });
-    episodes.collect()
+    Ok(episodes.collect())
 }
 
 /// The one goal of the run that a policy lies in the folder of, if that was about one goal of this task.

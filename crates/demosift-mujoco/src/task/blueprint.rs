@@ -1,11 +1,12 @@
 //! What the environments of a task share: its task file with every name looked up in its model.
 
 use demosift::world::environment::Specification;
+use demosift::world::fold::Fold;
 use demosift::{Error, Result};
 
 use crate::model::{Kind, Model};
+use crate::task::columns::{self, column};
 use crate::task::ends::Ends;
-use crate::task::heuristic_fold::{Fold, column};
 use crate::task::measurement::{self, Measurement};
 use crate::task::observation::{self, Observed, Reading};
 use crate::task::reset::Reset;
@@ -56,7 +57,8 @@ pub(crate) fn resolve(file: &TaskFile, model: Model) -> Result<Blueprint> {
     let control_step_secs = model.timestep_secs() * f64::from(file.frame_skip.get());
     let terms = file.reward.iter().map(|term| Term::resolve(term, &names, control_step_secs));
     let terms = terms.collect::<Result<Vec<_>>>().map_err(|error| error.during("reward"))?;
-    let heuristic = Fold::resolve(&file.heuristic, &names).map_err(|error| error.during("heuristic"))?;
+    let heuristic = Fold::resolve(&file.heuristic, &columns::named(&names));
+    let heuristic = heuristic.map_err(|error| error.during("heuristic"))?;
     let success = file.success.as_ref().map(|success| Success::resolve(success, &names)).transpose();
     let success = success.map_err(|error| error.during("success"))?;
     let control_ranges = model.control_ranges()?;

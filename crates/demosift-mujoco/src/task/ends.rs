@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use demosift::Result;
 
-use crate::task::heuristic_fold::column;
+use crate::task::columns::column;
 use crate::task::interval::Interval;
 
 /// The ranges of `[ends]`; none if an episode always lasts to its horizon.

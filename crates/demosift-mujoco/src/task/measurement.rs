@@ -7,8 +7,8 @@ use demosift::{Error, Result};
 use mujoco_rs::prelude::{MjData, MjModel, MjtObjBase};
 
 use crate::model::{Joint, Kind, Model, Point};
+use crate::task::columns::column;
 use crate::task::ends::Ends;
-use crate::task::heuristic_fold::column;
 use crate::task::task_file;
 
 /// The simulation that an environment owns.

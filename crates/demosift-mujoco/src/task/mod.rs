@@ -1,8 +1,8 @@
 //! What a `task.toml` says, part by part, and how its names are looked up in the model.
 
 pub(crate) mod blueprint;
+pub(crate) mod columns;
 pub(crate) mod ends;
-pub(crate) mod heuristic_fold;
 pub(crate) mod interval;
 pub(crate) mod measurement;
 pub(crate) mod observation;

@@ -1,8 +1,9 @@
 //! R_task: what demonstrators are trained on. It never enters R_IL, and never judges.
 
+use demosift::world::fold::{Bound, Fold, FoldOf};
 use demosift::{Error, Result};
 
-use crate::task::heuristic_fold::{Bound, Fold, column};
+use crate::task::columns::{self, column};
 use crate::task::task_file;
 
 /// What a task written in Rust adds to the task reward of a step.
@@ -119,7 +120,7 @@ impl Success {
             (None, Some(bound)) => Bound::Below(bound),
             _ => return Err(Error::bad_config("needs exactly one of: above, below")),
         };
-        let fold = task_file::FoldOf {
+        let fold = FoldOf {
             fold: file.fold,
             of: file.of.clone(),
             negate: false,
@@ -128,6 +129,6 @@ impl Success {
             otherwise: file.otherwise,
             unit: String::new(),
         };
-        Ok(Self { fold: Fold::resolve(&fold, measurements)?, bound, reward: file.reward })
+        Ok(Self { fold: Fold::resolve(&fold, &columns::named(measurements))?, bound, reward: file.reward })
     }
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::num::{NonZeroU32, NonZeroUsize};
 
+use demosift::world::fold::{ConditionOf, FoldKind, FoldOf, OneOrMore};
 use demosift::{Error, Result};
 use serde::Deserialize;
 use serde::de::{MapAccess, SeqAccess, Visitor, value};
@@ -346,67 +347,6 @@ pub(crate) struct Noise {
     pub(crate) except: Vec<String>,
 }
 
-/// How the counted rows become one number.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum FoldKind {
-    /// The last counted value less the first.
-    LastMinusFirst,
-    Min,
-    Max,
-    Sum,
-    Mean,
-    Last,
-    /// How many rows are counted.
-    Count,
-}
-
-/// A number that sums up the measurements of an episode.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct FoldOf {
-    pub(crate) fold: FoldKind,
-    #[serde(default)]
-    pub(crate) of: OneOrMore,
-    /// Turns a number of which less is better into a score.
-    #[serde(default)]
-    pub(crate) negate: bool,
-    /// Only the steps at which all of these hold are counted.
-    #[serde(default)]
-    pub(crate) when: Vec<Condition>,
-    /// Only the steps before the first one at which one of these fails are counted.
-    #[serde(default, rename = "while")]
-    pub(crate) as_long_as: Vec<Condition>,
-    /// The number, before `negate`, of an episode of which no step is counted.
-    pub(crate) otherwise: Option<f64>,
-    #[serde(default)]
-    pub(crate) unit: String,
-}
-
-/// One measurement, or several that are added up.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(untagged, expecting = "expected the name of a measurement, or a list of names to be added up")]
-pub(crate) enum OneOrMore {
-    One(String),
-    More(Vec<String>),
-}
-
-impl Default for OneOrMore {
-    fn default() -> Self {
-        Self::More(Vec::new())
-    }
-}
-
-/// A condition on one measurement: exactly one of `is`, `above`, `below`.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Condition {
-    pub(crate) measurement: String,
-    pub(crate) is: Option<f64>,
-    pub(crate) above: Option<f64>,
-    pub(crate) below: Option<f64>,
-}
-
 /// When an episode counts as a success: exactly one of `above`, `below`, on a fold.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -415,9 +355,9 @@ pub(crate) struct Success {
     #[serde(default)]
     pub(crate) of: OneOrMore,
     #[serde(default)]
-    pub(crate) when: Vec<Condition>,
+    pub(crate) when: Vec<ConditionOf>,
     #[serde(default, rename = "while")]
-    pub(crate) as_long_as: Vec<Condition>,
+    pub(crate) as_long_as: Vec<ConditionOf>,
     pub(crate) otherwise: Option<f64>,
     pub(crate) above: Option<f64>,
     pub(crate) below: Option<f64>,

@@ -3,5 +3,6 @@
 pub(crate) mod error;
 pub mod files;
 pub mod ledger;
+pub mod names;
 pub mod observer;
 pub mod seed;

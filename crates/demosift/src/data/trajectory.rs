@@ -12,7 +12,18 @@ pub struct Trajectory {
     actions: Rows,
     measurements: Rows,
     task_rewards: Vec<f32>,
-    terminated: bool,
+    ended: Ended,
+}
+
+/// How an episode ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// It lasted to the horizon of its task.
+    Horizon,
+    /// Its last state was terminal.
+    Terminated,
+    /// The simulator stopped it before the horizon, in a state that was not terminal (`truncated` in Gymnasium).
+    Truncated,
 }
 
 /// The parts of a [`Trajectory`] as they are collected, before the check.
@@ -26,14 +37,14 @@ pub struct Parts {
     pub measurements: Rows,
     /// `[T]`: R_task, with shaping; trains demonstrators and never enters R_IL.
     pub task_rewards: Vec<f32>,
-    /// Whether the last state was terminal; an episode that ran to the horizon is not.
-    pub terminated: bool,
+    /// How it ended; an episode that is terminal at its horizon is terminated.
+    pub ended: Ended,
 }
 
 impl Trajectory {
     /// Freezes the parts of an episode after checking lengths and finiteness.
     pub fn new(parts: Parts) -> Result<Self> {
-        let Parts { observations, actions, measurements, task_rewards, terminated } = parts;
+        let Parts { observations, actions, measurements, task_rewards, ended } = parts;
         let steps = actions.len();
         if steps == 0 {
             return Err(Error::bad_input("a trajectory needs at least one action, got none"));
@@ -61,7 +72,7 @@ impl Trajectory {
         if let Some(step) = task_rewards.iter().position(|reward| !reward.is_finite()) {
             return Err(Error::diverged(format!("the task reward at step {step} is not a finite number")));
         }
-        Ok(Self { observations, actions, measurements, task_rewards, terminated })
+        Ok(Self { observations, actions, measurements, task_rewards, ended })
     }
 
     /// Number of actions, T.
@@ -89,9 +100,14 @@ impl Trajectory {
         &self.task_rewards
     }
 
+    /// How it ended. Nothing learns from it; writers of demonstrations do say it.
+    pub fn ended(&self) -> Ended {
+        self.ended
+    }
+
     /// Whether the last state was terminal.
     pub fn terminated(&self) -> bool {
-        self.terminated
+        self.ended == Ended::Terminated
     }
 }
 
@@ -115,7 +131,7 @@ mod tests {
             actions: rows(3, 1),
             measurements: rows(4, 3),
             task_rewards: vec![0.0; 3],
-            terminated: false,
+            ended: Ended::Horizon,
         }
     }
 

@@ -9,7 +9,7 @@
 //! |---|---|
 //! | 3: θ_ij ← θ; 4: D_i ← D_meta | the [`Learner`] that is passed in |
 //! | 5: for iter = 0 to max_iter | [`adapt`] |
-//! | 6: sample K trajectories | [`rollout::play`] in [`adapt`] |
+//! | 6: sample K trajectories | [`InnerUpdate::play`] in [`adapt`] |
 //! | 7: update D_i | [`gail::fit`] in [`update`] |
 //! | 8: compute R_IL | [`gail::imitation_rewards`] in [`update`], with the *updated* discriminator |
 //! | 9: θ_ij ← θ_ij − α∇L_IL with TRPO | [`trpo::step`] in [`update`] |
@@ -67,6 +67,22 @@ pub struct InnerUpdate {
 }
 
 impl InnerUpdate {
+    /// What is played before an update: [`episodes`](Self::episodes) of them, each from a part of `seed` of its own.
+    ///
+    /// All updates play their batch here.
+    /// Episodes are counted as if each lasted to the horizon, so where they end early a batch has fewer steps than
+    /// `batch_steps`.
+    pub fn play(
+        &self,
+        playground: &Playground<'_>,
+        policy: &Policy,
+        variant: EnvVariant,
+        seed: Seed,
+    ) -> Result<Vec<Trajectory>> {
+        let seeds = seed.many(self.episodes(playground.specification().horizon));
+        rollout::play(playground, policy, Acting::Sampled, variant, seeds)
+    }
+
     /// K: episodes of `horizon` steps that are played before an update, at least 2; by behavioral cloning those that are
     /// asked for.
     pub fn episodes(&self, horizon: usize) -> usize {
@@ -249,14 +265,12 @@ pub fn adapt(
     seed: &Seed,
 ) -> Result<Adapted> {
     let Course { inner, iterations, averaged } = *course;
-    let episodes = inner.episodes(playground.specification().horizon);
     let mut last = Vec::with_capacity(averaged);
     let mut adam = inner.adam(learner);
     let mut adapted = Adapted { learner: learner.clone(), curve: Vec::with_capacity(iterations), played: 0 };
     for iteration in 0..iterations {
-        let seeds = seed.of("play").at(iteration).many(episodes);
-        let trajectories =
-            rollout::play(playground, &adapted.learner.policy, Acting::Sampled, variant, seeds)?;
+        let play_seed = seed.of("play").at(iteration);
+        let trajectories = inner.play(playground, &adapted.learner.policy, variant, play_seed)?;
         let played = Played::new(playground, &adapted.learner.policy, &trajectories);
         let (alpha, fit_seed) = (inner.alpha(iteration), seed.of("fit").at(iteration));
         let updated = update(&adapted.learner, &played, demonstrated, inner, alpha, &mut adam, fit_seed)

@@ -10,7 +10,7 @@ use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
 use crate::data::trajectory::{StateLog, Trajectory};
 use crate::stages::demonstrator::Stage;
-use crate::world::environment::{EnvVariant, Specification};
+use crate::world::environment::{EnvVariant, Episode, Rollout, Specification};
 use crate::world::heuristic::Score;
 use crate::world::rollout::{self, Acting, Playground};
 
@@ -240,14 +240,15 @@ fn median_episode(
     variant: EnvVariant,
     seed: &Seed,
 ) -> Result<(Trajectory, Option<StateLog>)> {
-    let seeds = (0..EPISODES_PER_DEMONSTRATION).map(|episode| seed.at(episode)).collect();
-    let mut played = rollout::play(playground, &stage.policy, Acting::Sampled, variant, seeds)?;
-    let scores: Vec<Score> = played.iter().map(|trajectory| playground.score(trajectory)).collect();
+    let seeds: Vec<Seed> = (0..EPISODES_PER_DEMONSTRATION).map(|episode| seed.at(episode)).collect();
+    let (policy, acting) = (&stage.policy, Acting::Sampled);
+    let episodes = seeds.iter().map(|seed| Episode { policy, acting, variant, seed, keep_states: true });
+    let mut played = rollout::play_episodes(playground, &episodes.collect::<Vec<_>>())?;
+    let scores: Vec<Score> = played.iter().map(|rollout| playground.score(&rollout.trajectory)).collect();
     let mut by_score: Vec<usize> = (0..played.len()).collect();
     by_score.sort_by(|a, b| scores[*a].total_cmp(&scores[*b]));
     let median = by_score[by_score.len() / 2];
-    let trajectory = played.swap_remove(median);
-    let states = rollout::state_log(playground, &trajectory, variant, &seed.at(median))?;
+    let Rollout { trajectory, states } = played.swap_remove(median);
     Ok((trajectory, states))
 }
 

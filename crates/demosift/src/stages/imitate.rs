@@ -275,11 +275,10 @@ fn improve(
     observer: &mut dyn Observer,
 ) -> Result<()> {
     let Lesson { playground, imitation, part, seed, .. } = *lesson;
-    let episodes = imitation.update.episodes(playground.specification().horizon);
     let variant = EnvVariant(state.updates % playground.specification().variants.len());
-    let seeds = seed.of("play").at(state.updates).many(episodes);
     let policy = &state.learner.policy;
-    let trajectories = rollout::play(playground, policy, Acting::Sampled, variant, seeds)?;
+    let play_seed = seed.of("play").at(state.updates);
+    let trajectories = imitation.update.play(playground, policy, variant, play_seed)?;
     let played = Played::new(playground, policy, &trajectories);
     let (inner, adam) = (&imitation.update, &mut state.adam);
     let (alpha, fit_seed) = (inner.alpha(state.updates), seed.of("fit").at(state.updates));

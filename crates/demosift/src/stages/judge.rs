@@ -7,8 +7,8 @@
 //! |---|---|
 //! | 1, 2: for all e_j, for all v_i | [`units`], each with its repeats |
 //! | 3, 4: θ_ij ← θ, D_i ← D_meta | [`Start`] |
-//! | 5–10: adapt | [`crate::learning::adapt::adapt`] in [`bench`] |
-//! | 11: evaluate θ_ij for M random seeds | [`bench`] |
+//! | 5–10: adapt | [`crate::learning::adapt::adapt`] in [`judge_unit`] |
+//! | 11: evaluate θ_ij for M random seeds | [`judge_unit`] |
 //! | 12: S = K(after) − K(before) (Eq. 8) | [`Suitability::gain`] |
 //! | 14: i_opt (Eq. 9) | [`crate::stages::select`] |
 //!
@@ -17,25 +17,29 @@
 //! Repeats go where they are needed: who surely belongs to one side of the cut gets no more of them (`race.rs`).
 //! θ may also be a policy that knows nothing, drawn anew for each repeat; that is judging from scratch (§5.4).
 
-mod bench;
+mod collecting;
+mod crew;
 mod race;
+mod unit;
+
+pub use crew::{Crew, HandIn, JudgeUnit, Threads};
+pub use unit::{Outcome, Unit, judge_unit};
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use bench::Bench;
+use collecting::Collecting;
 
-use crate::basics::error::Result;
+use crate::basics::error::{Error, Result};
 use crate::basics::observer::{Event, Observer};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::data::observation_filter::ObservationFilter;
-use crate::data::trajectory::Trajectory;
 use crate::learning::adapt::{InnerUpdate, Learner, MetaPrior, UpdateReport};
 use crate::math::statistics::{mean_of, mean_or_zero};
-use crate::world::environment::{EnvVariant, Specification};
+use crate::world::environment::{EnvVariant, Episode, Rollout, Specification};
 use crate::world::heuristic::Score;
 use crate::world::policy::{Policy, PolicyShape};
 use crate::world::rollout::{self, Acting, Playground};
@@ -237,32 +241,6 @@ pub struct Trial<'a> {
     pub seed: &'a Seed,
 }
 
-/// One piece of judging that depends on no other: a demonstration imitated once under a variant, or, with no demonstration,
-/// what the agent is worth before.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct Unit {
-    /// e_j.
-    pub variant: EnvVariant,
-    /// Which repeat.
-    pub repeat: usize,
-    /// v_i, if one is imitated.
-    pub demo: Option<DemoId>,
-}
-
-/// What came of a unit.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Outcome {
-    /// K, one an evaluation seed, `[M]`.
-    scores: Vec<Score>,
-    /// From what was demonstrated (Table 1).
-    distance: f64,
-    curve: Vec<UpdateReport>,
-    /// θ_ij, of the first repeat only.
-    policy: Option<Policy>,
-    /// Environment steps that it took.
-    played: u64,
-}
-
 /// Where judging stands; from here it goes on to the identical result.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JudgingState {
@@ -286,14 +264,14 @@ pub const STAGE: &str = "judge";
 
 /// Algorithm 2, continued from what `state` already holds.
 ///
-/// Units are spread over threads as wholes; what comes out does not depend on their number.
+/// The crew judges each unit as a whole; what comes out does not depend on who is in it.
 ///
 /// ```
 /// use demosift::basics::observer::Silent;
 /// use demosift::basics::seed::Seed;
 /// use demosift::learning::adapt::Learner;
 /// use demosift::run::preset::Preset;
-/// use demosift::stages::judge::{JudgingState, Start, Trial, judge};
+/// use demosift::stages::judge::{JudgingState, Start, Threads, Trial, judge};
 /// use demosift::world::point_mass::{PointMass, planted_set};
 /// use demosift::world::rollout::Playground;
 ///
@@ -317,7 +295,7 @@ pub const STAGE: &str = "judge";
 ///     seed: &Seed::new(7),
 /// };
 /// let mut nothing = JudgingState::default(); // or what was judged before a kill
-/// let judged = judge(&trial, &mut nothing, &mut Silent)?;
+/// let judged = judge(&trial, &Threads, &mut nothing, &mut Silent)?;
 ///
 /// // One suitability for each demonstration under each of the task's variants, which here is one.
 /// let scores: Vec<f64> = judged.scores.suitabilities.iter().map(|of| of.gain()).collect();
@@ -327,15 +305,22 @@ pub const STAGE: &str = "judge";
 /// assert_eq!(judged.adapted.len(), 3);
 /// # Ok::<(), demosift::Error>(())
 /// ```
-pub fn judge(trial: &Trial<'_>, state: &mut JudgingState, observer: &mut dyn Observer) -> Result<Judged> {
-    let bench = Bench::new(trial);
+///
+/// # Errors
+/// Those of a unit, with its name; what was finished before is in `state`.
+pub fn judge(
+    trial: &Trial<'_>,
+    crew: &dyn Crew,
+    state: &mut JudgingState,
+    observer: &mut dyn Observer,
+) -> Result<Judged> {
     let Trial { set, playground, start, inner, judging, .. } = trial;
     let (task, starts_anew) = (playground.specification(), matches!(start, Start::Untrained { .. }));
     let most = Effort::of(set.len(), task, judging, inner, starts_anew).units;
     observer.on(Event::Started { stage: STAGE, done: state.done(), total: most });
     for round in 0..rounds(trial.judging) {
         let units = units(trial, state, round);
-        bench.play(&units, state, observer)?;
+        finish(trial, crew, &units, state, observer)?;
     }
     Ok(assemble(trial, state))
 }
@@ -385,6 +370,36 @@ fn contested(trial: &Trial<'_>, state: &JudgingState, variant: EnvVariant, round
     let looks = rounds(trial.judging) - 1;
     let open = race::contested(&means, &race::Race { cut: trial.cut, looks, level: race::LEVEL });
     open.into_iter().map(|place| ids[place]).collect()
+}
+
+/// Lines 3 to 11 for the units that are not finished yet, by whoever judges.
+fn finish(
+    trial: &Trial<'_>,
+    crew: &dyn Crew,
+    units: &[Unit],
+    state: &mut JudgingState,
+    observer: &mut dyn Observer,
+) -> Result<()> {
+    let one = |unit: &Unit| judge_unit(trial, unit);
+    let mut collecting = Collecting::new(trial.part, units, state, observer);
+    loop {
+        let missing = collecting.missing();
+        if missing.is_empty() {
+            break;
+        }
+        let judged = crew.judge(&missing, &one, &mut |unit, outcome| collecting.take(unit, outcome));
+        let left = collecting.missing().len();
+        if judged.is_err() || left == missing.len() {
+            // What is finished need not be done again.
+            collecting.checkpoint();
+            judged?;
+            return Err(Error::simulation(format!(
+                "none of {left} units came back from those who judge them"
+            )));
+        }
+    }
+    collecting.checkpoint();
+    Ok(())
 }
 
 /// The units as a table.
@@ -456,8 +471,8 @@ impl Effort {
     }
 }
 
-/// One of the episodes in which the agent was scored, played again as it was to the bit: before imitating or after, as
-/// the policy is; with its seed.
+/// One of the episodes in which the agent was scored, played again as it was to the bit, with the simulator's states: before
+/// imitating or after, as the policy is.
 ///
 /// `seed` is that of [`judge`], and `evaluation` counts the M evaluation seeds from 0.
 pub fn replay(
@@ -467,12 +482,12 @@ pub fn replay(
     variant: EnvVariant,
     evaluation: usize,
     seed: &Seed,
-) -> Result<(Trajectory, Seed)> {
-    let seed = || {
-        evaluation_seeds(&seed_under(seed, playground, variant), judging.evaluations).swap_remove(evaluation)
-    };
-    let played = rollout::play(playground, policy, judging.acting, variant, vec![seed()])?;
-    Ok((played.into_iter().next().expect("one seed, one episode"), seed()))
+) -> Result<Rollout> {
+    let seeds = evaluation_seeds(&seed_under(seed, playground, variant), judging.evaluations);
+    let (acting, seed) = (judging.acting, &seeds[evaluation]);
+    let episode = Episode { policy, acting, variant, seed, keep_states: true };
+    let played = rollout::play_episodes(playground, &[episode])?;
+    Ok(played.into_iter().next().expect("one episode, one rollout"))
 }
 
 /// By name, so that a task under one of its variants alone is judged by the same random numbers.
@@ -483,3 +498,6 @@ fn seed_under(seed: &Seed, playground: &Playground<'_>, variant: EnvVariant) -> 
 fn evaluation_seeds(seed: &Seed, evaluations: usize) -> Vec<Seed> {
     seed.of("evaluate").many(evaluations)
 }
+
+#[cfg(test)]
+mod tests;

@@ -50,7 +50,7 @@ use crate::math::nn::adam::Adam;
 use crate::math::rows::Rows;
 use crate::world::environment::EnvVariant;
 use crate::world::policy::PolicyShape;
-use crate::world::rollout::{self, Acting, Playground};
+use crate::world::rollout::Playground;
 
 pub use cost::steps_by_round;
 use meta_update::meta_update;
@@ -331,9 +331,9 @@ impl Round<'_> {
 /// Line 7: what θ does under each variant of the round.
 fn play_before(round: &Round<'_>) -> Result<Vec<Before>> {
     let play = |variant: EnvVariant| {
-        let seeds = round.seed.of("before").at(variant.0).many(round.inner.episodes(round.horizon()));
         let policy = &round.prior.policy;
-        let trajectories = rollout::play(round.playground, policy, Acting::Sampled, variant, seeds)?;
+        let seed = round.seed.of("before").at(variant.0);
+        let trajectories = round.inner.play(round.playground, policy, variant, seed)?;
         Ok((variant, Played::new(round.playground, policy, &trajectories)))
     };
     round.variants().into_par_iter().map(play).collect()
@@ -358,9 +358,7 @@ fn imitate(round: &Round<'_>, before: &[Before], demonstrated: &[Rows]) -> Resul
 fn play_adapted(round: &Round<'_>, imitators: Vec<Imitator>) -> Result<Vec<Outcome>> {
     let play = |Imitator { target, adapted, update, step }| {
         let seed = round.seed.of("after").at(target.variant.0).of("play");
-        let seeds = seed.many(round.inner.episodes(round.horizon()));
-        let trajectories =
-            rollout::play(round.playground, &adapted.policy, Acting::Sampled, target.variant, seeds)?;
+        let trajectories = round.inner.play(round.playground, &adapted.policy, target.variant, seed)?;
         let after = Played::new(round.playground, &adapted.policy, &trajectories);
         Ok(Outcome { target, weight: round.weights.of(target.demo), adapted, after, update, step })
     };

@@ -16,7 +16,7 @@ use crate::learning::adapt::{self, InnerUpdate, MetaPrior, Played, Updated};
 use crate::math::nn::adam::Adam;
 use crate::math::rows::Rows;
 use crate::world::environment::EnvVariant;
-use crate::world::rollout::{self, Acting, Playground};
+use crate::world::rollout::Playground;
 
 /// Where pre-training stands after some updates; from here it goes on to the identical result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -89,9 +89,8 @@ fn improve(
 ) -> Result<()> {
     let specification = playground.specification();
     let variant = EnvVariant(state.updates % specification.variants.len());
-    let seeds = seed.of("play").at(state.updates).many(inner.episodes(specification.horizon));
     let policy = &state.prior.policy;
-    let trajectories = rollout::play(playground, policy, Acting::Sampled, variant, seeds)?;
+    let trajectories = inner.play(playground, policy, variant, seed.of("play").at(state.updates))?;
     let played = Played::new(playground, policy, &trajectories);
     let (alpha, fit_seed) = (inner.alpha(state.updates), seed.of("fit").at(state.updates));
     let Updated { learner, report, .. } =

@@ -40,7 +40,7 @@ use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::data::weights::Weights;
 use crate::learning::adapt::MetaPrior;
 use crate::math::statistics;
-use crate::stages::judge::{self, Judging, JudgingState, ScoreTable, Start, Suitability, Trial};
+use crate::stages::judge::{self, Judging, JudgingState, ScoreTable, Start, Suitability, Threads, Trial};
 use crate::stages::meta_train::{self, Learning, MetaState, MetaTraining, MutualInformation};
 use crate::world::heuristic::Score;
 use crate::world::rollout::Playground;
@@ -256,7 +256,7 @@ fn assess(round: &Round<'_>, prior: &MetaPrior, observer: &mut dyn Observer) -> 
         part: "",
         seed: &seed,
     };
-    Ok(judge::judge(&trial, &mut JudgingState::default(), &mut within)?.scores)
+    Ok(judge::judge(&trial, &Threads, &mut JudgingState::default(), &mut within)?.scores)
 }
 
 /// Judging as a round does it: each demonstration once, by few iterations, of which the mean takes the same share of the last

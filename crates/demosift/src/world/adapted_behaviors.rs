@@ -67,7 +67,7 @@ fn norm(left: &Rows, right: &Rows, step: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::data::trajectory::Parts;
+    use crate::data::trajectory::{Ended, Parts};
 
     fn rows(values: &[f32], width: usize) -> Rows {
         Rows::from_flat(values.to_vec(), width).expect("whole rows")
@@ -80,7 +80,7 @@ mod tests {
             actions: rows(actions, 1),
             measurements: rows(&vec![0.0; steps + 1], 1),
             task_rewards: vec![0.0; steps],
-            terminated: false,
+            ended: Ended::Horizon,
         })
         .expect("a whole trajectory")
     }

@@ -1,8 +1,10 @@
-//! The world in which an agent acts: tasks, their variants, and running instances of them.
+//! The world in which an agent acts: tasks, their variants, and who plays episodes of them.
 
 mod one_variant;
+mod worker;
 
 pub use one_variant::OneVariant;
+pub use worker::{Episode, Rollout, Stepped, Worker};
 
 use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
@@ -70,15 +72,19 @@ impl Specification {
     }
 }
 
-/// A task: makes environments, and knows what a good outcome is.
+/// A task: makes the workers that play it, and knows what a good outcome is.
 ///
 /// A task in MuJoCo needs no Rust (see the crate `demosift-mujoco`); any other simulator stands behind this trait.
+/// One that can be stepped from here is an [`Environment`] in a [`Stepped`] worker; one that lives elsewhere, or whose steps
+/// can fail, is a [`Worker`] of its own.
 /// Here a cart on a rail should come to rest at 1 m:
 ///
 /// ```
 /// use demosift::basics::seed::Seed;
 /// use demosift::math::rows::Rows;
-/// use demosift::world::environment::{EnvVariant, Environment, Specification, StepOutcome, Task};
+/// use demosift::world::environment::{
+///     EnvVariant, Environment, Specification, StepOutcome, Stepped, Task, Worker,
+/// };
 /// use demosift::world::heuristic::{Heuristic, Score};
 ///
 /// const CONTROL_STEP_SECS: f32 = 0.1;
@@ -106,8 +112,8 @@ impl Specification {
 ///     fn specification(&self) -> &Specification {
 ///         &self.specification
 ///     }
-///     fn environment(&self) -> demosift::Result<Box<dyn Environment>> {
-///         Ok(Box::new(Cart { position: 0.0, velocity: 0.0 }))
+///     fn worker(&self) -> demosift::Result<Box<dyn Worker>> {
+///         Ok(Box::new(Stepped::new(Cart { position: 0.0, velocity: 0.0 }, &self.specification)))
 ///     }
 ///     fn heuristic(&self) -> &dyn Heuristic {
 ///         &NearTheGoal
@@ -169,8 +175,11 @@ pub trait Task: Send + Sync {
     /// Sizes and names.
     fn specification(&self) -> &Specification;
 
-    /// A new running instance, for one worker.
-    fn environment(&self) -> Result<Box<dyn Environment>>;
+    /// A new worker, which plays beside the others.
+    ///
+    /// # Errors
+    /// `is_simulation` if the simulator cannot be set up.
+    fn worker(&self) -> Result<Box<dyn Worker>>;
 
     /// K (§4.3).
     fn heuristic(&self) -> &dyn Heuristic;
@@ -191,7 +200,7 @@ pub trait Task: Send + Sync {
     }
 }
 
-/// A running instance of a task.
+/// A running instance of a task that is stepped from here, and whose steps cannot fail: what a [`Stepped`] worker plays in.
 ///
 /// After [`reset`](Environment::reset) it behaves as a new instance would: what it did before leaves no trace.
 pub trait Environment: Send {

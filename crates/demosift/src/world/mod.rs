@@ -2,6 +2,7 @@
 
 pub(crate) mod adapted_behaviors;
 pub mod environment;
+pub mod fold;
 pub mod heuristic;
 pub mod point_mass;
 pub mod policy;

@@ -10,7 +10,7 @@ use crate::basics::error::Result;
 use crate::basics::seed::Seed;
 use crate::data::demonstration::{Demonstration, DemonstrationSet};
 use crate::math::rows::Rows;
-use crate::world::environment::{EnvVariant, Environment, Specification, StepOutcome, Task};
+use crate::world::environment::{EnvVariant, Environment, Specification, StepOutcome, Stepped, Task, Worker};
 use crate::world::heuristic::{Heuristic, Score};
 
 const CONTROL_STEP_SECS: f32 = 0.1;
@@ -57,6 +57,17 @@ impl PointMass {
     }
 }
 
+impl PointMass {
+    /// A running instance, to be stepped by hand.
+    pub fn environment(&self) -> impl Environment + use<> {
+        self.point()
+    }
+
+    fn point(&self) -> Point {
+        Point { position: [0.0; 2], velocity: [0.0; 2], goal: goal(EnvVariant(0)) }
+    }
+}
+
 impl Default for PointMass {
     fn default() -> Self {
         Self::new()
@@ -68,8 +79,8 @@ impl Task for PointMass {
         &self.specification
     }
 
-    fn environment(&self) -> Result<Box<dyn Environment>> {
-        Ok(Box::new(Point { position: [0.0; 2], velocity: [0.0; 2], goal: goal(EnvVariant(0)) }))
+    fn worker(&self) -> Result<Box<dyn Worker>> {
+        Ok(Box::new(Stepped::new(self.point(), &self.specification)))
     }
 
     fn heuristic(&self) -> &dyn Heuristic {

@@ -11,6 +11,16 @@ use crate::math::rows::Rows;
 /// Gain of the last layer at the start: small, so that first actions are noise around zero.
 const FIRST_ACTION_GAIN: f64 = 0.01;
 
+/// How a policy acts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Acting {
+    /// Draws from the Gaussian.
+    Sampled,
+    /// Takes the mean.
+    Mean,
+}
+
 /// The shape of a policy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -1,41 +1,50 @@
-//! Playing: policy × environment × seeds → trajectories, in parallel, in a fixed order.
+//! Playing: policy × task × seeds → rollouts, by as many workers as can be busy, in a fixed order.
 
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, OnceLock};
 
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
-use crate::basics::error::Result;
+use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
-use crate::data::trajectory::{Parts, StateLog, Trajectory};
-use crate::math::rows::Rows;
+use crate::data::trajectory::Trajectory;
 use crate::math::statistics;
-use crate::world::environment::{EnvVariant, Environment, Specification, Task};
+use crate::world::environment::{EnvVariant, Episode, Rollout, Specification, Task, Worker};
 use crate::world::heuristic::Score;
-use crate::world::policy::{Player, Policy};
+pub use crate::world::policy::Acting;
+use crate::world::policy::Policy;
 
-/// How a policy acts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Acting {
-    /// Draws from the Gaussian.
-    Sampled,
-    /// Takes the mean.
-    Mean,
-}
-
-/// A task with the instances that workers use; an instance remembers nothing between episodes.
+/// A task with the workers that play it; a worker remembers nothing between episodes.
 pub struct Playground<'t> {
     task: &'t dyn Task,
-    idle: Mutex<Vec<Box<dyn Environment>>>,
+    idle: Mutex<Vec<Box<dyn Worker>>>,
+    width: OnceLock<usize>,
+    /// Where workers play that are waited for; the threads that learn, if there is none.
+    waiting: Option<rayon::ThreadPool>,
     steps: AtomicU64,
 }
 
 impl<'t> Playground<'t> {
-    /// A playground for a task; instances are made when they are needed.
+    /// A playground for a task; workers are made when they are needed, and play on the threads that learn.
     pub fn new(task: &'t dyn Task) -> Self {
-        Self { task, idle: Mutex::new(Vec::new()), steps: AtomicU64::new(0) }
+        Self { task, idle: Mutex::default(), width: OnceLock::new(), waiting: None, steps: AtomicU64::new(0) }
+    }
+
+    /// A playground whose workers play on `count` threads of their own.
+    ///
+    /// It is for workers that are waited for, such as simulators in other processes: these can be more than there are
+    /// processors, while as many threads learn as before.
+    /// What is played is the same.
+    ///
+    /// # Errors
+    /// `is_bad_config` if `count` is 0, or more threads than the system has to give.
+    pub fn with_workers(task: &'t dyn Task, count: usize) -> Result<Self> {
+        if count == 0 {
+            return Err(Error::bad_config("0 workers: there must be at least 1"));
+        }
+        let waiting = rayon::ThreadPoolBuilder::new().num_threads(count).build();
+        let waiting = waiting.map_err(|error| Error::bad_config(format!("{count} workers: {error}")))?;
+        Ok(Self { waiting: Some(waiting), ..Self::new(task) })
     }
 
     /// The task that is played.
@@ -74,14 +83,67 @@ impl<'t> Playground<'t> {
         self.steps.load(Ordering::Relaxed)
     }
 
-    fn borrow(&self) -> Result<Box<dyn Environment>> {
-        let idle = self.idle.lock().expect("no worker panics while it holds the lock").pop();
-        idle.map_or_else(|| self.task.environment(), Ok)
+    /// How many episodes a worker is asked for at once.
+    fn width(&self) -> Result<usize> {
+        if let Some(width) = self.width.get() {
+            return Ok(*width);
+        }
+        let worker = self.borrow()?;
+        let width = *self.width.get_or_init(|| worker.width().max(1));
+        self.give_back(worker);
+        Ok(width)
     }
 
-    fn give_back(&self, environment: Box<dyn Environment>) {
-        self.idle.lock().expect("no worker panics while it holds the lock").push(environment);
+    /// Episodes of one worker. It comes back here only if all went well: after an error or a panic it is dropped.
+    fn play(&self, episodes: &[Episode<'_>]) -> Result<Vec<Rollout>> {
+        let mut worker = self.borrow()?;
+        let rollouts = worker.play(episodes)?;
+        check(&rollouts, episodes.len(), self.specification())?;
+        self.give_back(worker);
+        let steps = rollouts.iter().map(|rollout| rollout.trajectory.steps() as u64).sum();
+        self.steps.fetch_add(steps, Ordering::Relaxed);
+        Ok(rollouts)
     }
+
+    fn borrow(&self) -> Result<Box<dyn Worker>> {
+        let idle = self.idle.lock().expect("no thread panics while it holds the lock").pop();
+        idle.map_or_else(|| self.task.worker(), Ok)
+    }
+
+    fn give_back(&self, worker: Box<dyn Worker>) {
+        self.idle.lock().expect("no thread panics while it holds the lock").push(worker);
+    }
+}
+
+/// What comes from a worker may come from another program, which is not believed.
+fn check(rollouts: &[Rollout], wanted: usize, specification: &Specification) -> Result<()> {
+    if rollouts.len() != wanted {
+        let found = rollouts.len();
+        return Err(Error::simulation(format!(
+            "a worker was asked for {wanted} episodes and played {found}"
+        )));
+    }
+    let Specification { name, observation_size, action_size, measurements, horizon, .. } = specification;
+    for Rollout { trajectory, .. } in rollouts {
+        for (what, found, wanted) in [
+            ("observations", trajectory.observations().width(), *observation_size),
+            ("actions", trajectory.actions().width(), *action_size),
+            ("measurements", trajectory.measurements().width(), measurements.len()),
+        ] {
+            if found != wanted {
+                return Err(Error::simulation(format!(
+                    "a worker played an episode with {found} {what} a step, and the task '{name}' has {wanted}"
+                )));
+            }
+        }
+        if trajectory.steps() > *horizon {
+            return Err(Error::simulation(format!(
+                "a worker played an episode of {} steps, and the horizon of the task '{name}' is {horizon}",
+                trajectory.steps()
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// One episode a seed, in the order of the seeds, whatever the number of threads.
@@ -92,86 +154,28 @@ pub fn play(
     variant: EnvVariant,
     seeds: Vec<Seed>,
 ) -> Result<Vec<Trajectory>> {
-    seeds.into_par_iter().map(|seed| play_episode(playground, policy, acting, variant, seed)).collect()
+    let episode = |seed| Episode { policy, acting, variant, seed, keep_states: false };
+    let episodes: Vec<Episode<'_>> = seeds.iter().map(episode).collect();
+    let rollouts = play_episodes(playground, &episodes)?;
+    Ok(rollouts.into_iter().map(|rollout| rollout.trajectory).collect())
 }
 
-fn play_episode(
-    playground: &Playground<'_>,
-    policy: &Policy,
-    acting: Acting,
-    variant: EnvVariant,
-    seed: Seed,
-) -> Result<Trajectory> {
-    let mut environment = playground.borrow()?;
-    let played = play_in(environment.as_mut(), playground.specification(), policy, acting, variant, seed);
-    playground.give_back(environment);
-    let trajectory = played?;
-    playground.steps.fetch_add(trajectory.steps() as u64, Ordering::Relaxed);
-    Ok(trajectory)
-}
-
-/// The states from which an episode's actions were taken, found by playing them again from the episode's seed.
+/// One rollout an episode, in their order, whatever the number of threads.
 ///
-/// `None` where the environment has no simulator.
-pub fn state_log(
-    playground: &Playground<'_>,
-    trajectory: &Trajectory,
-    variant: EnvVariant,
-    seed: &Seed,
-) -> Result<Option<StateLog>> {
-    let mut environment = playground.borrow()?;
-    let mut observation = vec![0.0; playground.specification().observation_size];
-    let mut measurements = vec![0.0; playground.specification().measurements.len()];
-    let mut log = Some(StateLog::default());
-    environment.reset(variant, seed.of("reset"), &mut observation, &mut measurements);
-    for action in trajectory.actions().iter() {
-        log = log.zip(environment.simulator_state()).map(|(mut log, state)| {
-            log.qpos.extend_from_slice(state.qpos);
-            log.qvel.extend_from_slice(state.qvel);
-            log
-        });
-        environment.step(action, &mut observation, &mut measurements);
+/// A worker gets as many episodes at once as its width says, counted from the first: who plays with whom does not depend on
+/// the number of threads either.
+pub fn play_episodes(playground: &Playground<'_>, episodes: &[Episode<'_>]) -> Result<Vec<Rollout>> {
+    if episodes.is_empty() {
+        return Ok(Vec::new());
     }
-    playground.give_back(environment);
-    Ok(log)
+    let width = playground.width()?;
+    let play = || episodes.par_chunks(width).map(|chunk| playground.play(chunk)).collect();
+    let chunks: Result<Vec<Vec<Rollout>>> = match &playground.waiting {
+        Some(threads) => threads.install(play),
+        None => play(),
+    };
+    Ok(chunks?.into_iter().flatten().collect())
 }
 
-/// One episode in an environment of one's own; the reset draws from the seed's part `reset`, the actions from `act`.
-pub fn play_in(
-    environment: &mut dyn Environment,
-    specification: &Specification,
-    policy: &Policy,
-    acting: Acting,
-    variant: EnvVariant,
-    seed: Seed,
-) -> Result<Trajectory> {
-    let horizon = specification.horizon;
-    let mut observation = vec![0.0; specification.observation_size];
-    let mut measurements = vec![0.0; specification.measurements.len()];
-    let mut action = vec![0.0; specification.action_size];
-    let mut parts = Parts {
-        observations: Rows::with_capacity(observation.len(), horizon + 1),
-        actions: Rows::with_capacity(action.len(), horizon),
-        measurements: Rows::with_capacity(measurements.len(), horizon + 1),
-        task_rewards: Vec::with_capacity(horizon),
-        terminated: false,
-    };
-    let mut player = Player::new(policy);
-    let mut rng = seed.of("act").into_rng();
-    environment.reset(variant, seed.of("reset"), &mut observation, &mut measurements);
-    parts.observations.push(&observation);
-    parts.measurements.push(&measurements);
-    while parts.actions.len() < horizon && !parts.terminated {
-        match acting {
-            Acting::Sampled => player.sample(&observation, &mut rng, &mut action),
-            Acting::Mean => player.mean(&observation, &mut action),
-        }
-        let outcome = environment.step(&action, &mut observation, &mut measurements);
-        parts.actions.push(&action);
-        parts.observations.push(&observation);
-        parts.measurements.push(&measurements);
-        parts.task_rewards.push(outcome.task_reward);
-        parts.terminated = outcome.terminated;
-    }
-    Trajectory::new(parts)
-}
+#[cfg(test)]
+mod tests;

@@ -7,10 +7,10 @@ use crate::basics::seed::Seed;
 use crate::data::demonstration::DemoId;
 use crate::data::trajectory::StateLog;
 use crate::stages::judge::{self, Judged, Judging, ScoreTable};
-use crate::world::environment::EnvVariant;
+use crate::world::environment::{EnvVariant, Rollout};
 use crate::world::heuristic::Score;
 use crate::world::policy::Policy;
-use crate::world::rollout::{self, Playground};
+use crate::world::rollout::Playground;
 
 /// Whose episode it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,7 +92,8 @@ struct Look<'a> {
 impl Look<'_> {
     fn at(&self, moment: Moment, policy: &Policy, scored: Score) -> Result<Option<Shown>> {
         let Self { playground, judging, variant, evaluation, seed } = *self;
-        let (played, seed) = judge::replay(playground, policy, judging, variant, evaluation, seed)?;
+        let rollout = judge::replay(playground, policy, judging, variant, evaluation, seed)?;
+        let Rollout { trajectory: played, states } = rollout;
         let score = playground.score(&played);
         if score != scored {
             return Err(Error::bad_input(format!(
@@ -100,7 +101,7 @@ impl Look<'_> {
                  since, or the policies of the run folder"
             )));
         }
-        let Some(states) = rollout::state_log(playground, &played, variant, &seed)? else { return Ok(None) };
+        let Some(states) = states else { return Ok(None) };
         let succeeded = playground.task().succeeded(played.measurements());
         Ok(Some(Shown { moment, variant, steps: played.steps(), score, succeeded, states }))
     }

@@ -10,7 +10,7 @@ use crate::learning::gail::Fitting;
 use crate::learning::trpo::{StepEnd, TrustRegion};
 use crate::results::data_only::Column;
 use crate::results::panel::{Found, panel};
-use crate::stages::judge::{self, AdaptedPolicy, Judging, JudgingState, Start, Trial};
+use crate::stages::judge::{self, AdaptedPolicy, Judging, JudgingState, Start, Threads, Trial};
 use crate::stages::method::{Budget, Method, Spent};
 use crate::world::point_mass::{PointMass, planted_set};
 use crate::world::policy::{Policy, PolicyShape};
@@ -186,11 +186,13 @@ fn an_evaluation_is_played_again_to_the_bit_and_a_changed_one_is_refused() {
         part: "",
         seed: &seed,
     };
-    let judged = judge::judge(&trial, &mut JudgingState::default(), &mut Silent).expect("judged");
+    let judged = judge::judge(&trial, &Threads, &mut JudgingState::default(), &mut Silent).expect("judged");
     for (of, adapted) in judged.scores.suitabilities.iter().zip(&judged.adapted) {
         for evaluation in 0..3 {
             let again = |policy| {
-                judge::replay(&playground, policy, &judging, of.variant, evaluation, &seed).expect("played").0
+                let (variant, seed) = (of.variant, &seed);
+                let rollout = judge::replay(&playground, policy, &judging, variant, evaluation, seed);
+                rollout.expect("played").trajectory
             };
             assert_eq!(playground.score(&again(&prior.policy)), of.before[0][evaluation]);
             assert_eq!(playground.score(&again(&adapted.policy)), of.after[0][evaluation]);

@@ -10,7 +10,7 @@ use crate::data::observation_filter::ObservationFilter;
 use crate::learning::adapt::{self, InnerUpdate, Learner, MetaPrior, Rule};
 use crate::results::artifact::Artifact;
 use crate::results::panel::{self, Found, Judge, Judges, Opinion, Panel};
-use crate::stages::judge::{self, Judged, Judging, JudgingState, ScoreTable, Start, Trial};
+use crate::stages::judge::{self, Judged, Judging, JudgingState, ScoreTable, Start, Threads, Trial};
 use crate::stages::meta_train::{self, Learning, MetaState, MetaTraining, MutualInformation};
 use crate::stages::method::{self, Asked, Budget, Method};
 use crate::stages::pre_train::{self, PreTrainState, PreTraining};
@@ -170,7 +170,7 @@ fn judged(run: &mut Run<'_>, judge: Judge, start: Start<'_>, inner: &InnerUpdate
     let (mut state, mut checkpointing) =
         Checkpointing::begin(*ledger, *observer, playground, judge::STAGE, part, anew)?;
     let trial = Trial { set, playground, start, inner, judging, cut, part, seed: &seed };
-    let judged = judge::judge(&trial, &mut state, &mut checkpointing)?;
+    let judged = judge::judge(&trial, &Threads, &mut state, &mut checkpointing)?;
     checkpointing.finish_having(state.played(), part, &judged)?;
     Ok(judged.scores)
 }

@@ -1,8 +1,7 @@
 //! A task of several goals as a task of one: S_{v|e} (§3) is said of a goal, and so is what to learn from.
 
-use super::{EnvVariant, Environment, SimulatorState, Specification, StepOutcome, Task};
+use super::{EnvVariant, Episode, Rollout, Specification, Task, Worker};
 use crate::basics::error::Result;
-use crate::basics::seed::Seed;
 use crate::math::rows::Rows;
 use crate::world::heuristic::Heuristic;
 
@@ -42,8 +41,8 @@ impl Task for OneVariant {
         &self.specification
     }
 
-    fn environment(&self) -> Result<Box<dyn Environment>> {
-        Ok(Box::new(UnderIt { environment: self.task.environment()?, variant: self.variant }))
+    fn worker(&self) -> Result<Box<dyn Worker>> {
+        Ok(Box::new(UnderIt { worker: self.task.worker()?, variant: self.variant }))
     }
 
     fn heuristic(&self) -> &dyn Heuristic {
@@ -63,42 +62,50 @@ impl Task for OneVariant {
     }
 }
 
-/// An instance that always starts under the one variant.
+/// A worker that always plays under the one variant.
 struct UnderIt {
-    environment: Box<dyn Environment>,
+    worker: Box<dyn Worker>,
     variant: EnvVariant,
 }
 
-impl Environment for UnderIt {
-    fn reset(&mut self, only: EnvVariant, seed: Seed, observation: &mut [f32], measurements: &mut [f32]) {
-        assert_eq!(only, EnvVariant(0), "the task has one variant");
-        self.environment.reset(self.variant, seed, observation, measurements);
+impl Worker for UnderIt {
+    fn width(&self) -> usize {
+        self.worker.width()
     }
 
-    fn step(&mut self, action: &[f32], observation: &mut [f32], measurements: &mut [f32]) -> StepOutcome {
-        self.environment.step(action, observation, measurements)
-    }
-
-    fn simulator_state(&self) -> Option<SimulatorState<'_>> {
-        self.environment.simulator_state()
+    fn play(&mut self, episodes: &[Episode<'_>]) -> Result<Vec<Rollout>> {
+        assert!(episodes.iter().all(|one| one.variant == EnvVariant(0)), "the task has one variant");
+        let under_it = episodes.iter().map(|episode| Episode { variant: self.variant, ..*episode });
+        let episodes: Vec<Episode<'_>> = under_it.collect();
+        self.worker.play(&episodes)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::basics::seed::Seed;
+    use crate::data::observation_filter::ObservationFilter;
     use crate::world::point_mass::PointMass;
+    use crate::world::policy::{Acting, Policy, PolicyShape};
 
     #[test]
     fn it_plays_the_episodes_of_its_variant_and_of_no_other() {
         let whole = PointMass::with_goals(3);
         let only = OneVariant::new(Box::new(PointMass::with_goals(3)), "west").expect("one of its goals");
+        let shape = PolicyShape { hidden: vec![4], initial_std: 0.5 };
+        let policy = Policy::untrained(&shape, ObservationFilter::identity(4), 2, Seed::new(1));
         let play = |task: &dyn Task, variant: usize| {
-            let (mut observation, mut measurements) = ([0.0; 4], [0.0; 3]);
-            let mut environment = task.environment().expect("a point");
-            environment.reset(EnvVariant(variant), Seed::new(3), &mut observation, &mut measurements);
-            let outcome = environment.step(&[0.5, -0.2], &mut observation, &mut measurements);
-            (observation, measurements, outcome)
+            let seeds = Seed::new(3).many(2);
+            let asked = seeds.iter().map(|seed| Episode {
+                policy: &policy,
+                acting: Acting::Sampled,
+                variant: EnvVariant(variant),
+                seed,
+                keep_states: false,
+            });
+            let mut worker = task.worker().expect("a point");
+            worker.play(&asked.collect::<Vec<_>>()).expect("the point mass plays")
         };
         assert_eq!(play(&only, 0), play(&whole, 2));
         assert_ne!(play(&only, 0), play(&whole, 0));

@@ -3,7 +3,7 @@
 /// What is said of an unknown name: all known ones, after the nearest, if one is near.
 ///
 /// Such as `did you mean 'elbow'? the model has: shoulder, elbow`.
-pub(crate) fn instead(name: &str, whose: &str, known: &[String]) -> String {
+pub fn instead(name: &str, whose: &str, known: &[String]) -> String {
     if known.is_empty() {
         return format!("{whose} has: none");
     }
@@ -19,7 +19,7 @@ pub fn unknown(what: &str, name: &str, known: &[&str]) -> String {
 }
 
 /// The known name that takes the fewest typing errors to become `name`, if these are few for its length.
-pub(crate) fn nearest<'a>(name: &str, known: &'a [String]) -> Option<&'a str> {
+pub fn nearest<'a>(name: &str, known: &'a [String]) -> Option<&'a str> {
     let plain = |name: &str| name.to_lowercase().replace(['-', ' ', '.'], "_");
     let wanted = plain(name);
     let distance = |known: &str| {

@@ -1,17 +1,59 @@
 //! One number out of the measurements of an episode: the heuristic K (§4.3, A.1) and the value that success is judged by.
 //!
 //! A pure fold over rows, written once and used twice: over a finished episode, and row by row as an environment plays.
+//! It is written as a table of a task file or in a few words ([`FoldOf`]), and becomes a [`Fold`] where the names of the
+//! measurements are known; any simulator that writes measurements has its heuristic here.
 
-use demosift::math::rows::Rows;
-use demosift::world::heuristic::{Heuristic, Score};
-use demosift::{Error, Result};
+mod written;
 
-use crate::names::instead;
-use crate::task::task_file::{self, FoldKind, FoldOf, OneOrMore};
+pub use written::{ConditionOf, FoldKind, FoldOf, OneOrMore};
+
+use crate::basics::error::{Error, Result};
+use crate::basics::names::instead;
+use crate::math::rows::Rows;
+use crate::world::heuristic::{Heuristic, Score};
+
+/// The measurements that a fold may be of.
+#[derive(Clone, Copy, Debug)]
+pub struct Measurements<'a> {
+    /// Their names, in the order of their columns.
+    pub names: &'a [String],
+    /// Who has them, for errors, such as `the task 'reach'`.
+    pub whose: &'a str,
+}
+
+impl Measurements<'_> {
+    /// The column of a measurement.
+    ///
+    /// # Errors
+    /// `is_bad_config` if there is none of this name; lists those there are.
+    pub fn column(&self, name: &str) -> Result<usize> {
+        self.names.iter().position(|known| known == name).ok_or_else(|| {
+            let instead = instead(name, self.whose, self.names);
+            Error::bad_config(format!("no measurement is called '{name}'; {instead}"))
+        })
+    }
+}
 
 /// A fold whose names have become columns.
+///
+/// ```
+/// use demosift::math::rows::Rows;
+/// use demosift::world::fold::{Fold, FoldOf, Measurements};
+/// use demosift::world::heuristic::Heuristic;
+///
+/// let names = ["gap", "height"].map(str::to_owned);
+/// let measured = Measurements { names: &names, whose: "the simulator" };
+/// let nearest: FoldOf = "negated min gap".parse()?;
+/// let nearest = Fold::resolve(&nearest, &measured)?;
+///
+/// // Three rows of gap and height.
+/// let episode = Rows::from_flat(vec![0.5, 1.0, 0.25, 1.5, 0.75, 1.25], 2)?;
+/// assert_eq!(nearest.score(&episode), -0.25);
+/// # Ok::<(), demosift::Error>(())
+/// ```
 #[derive(Clone, Debug)]
-pub(crate) struct Fold {
+pub struct Fold {
     kind: FoldKind,
     /// Columns that are added up to the value of a row.
     columns: Vec<usize>,
@@ -26,22 +68,25 @@ pub(crate) struct Fold {
 
 /// A condition on one column.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Condition {
+struct Condition {
     column: usize,
     bound: Bound,
 }
 
 /// What a number is compared with.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Bound {
+pub enum Bound {
+    /// It has to be this.
     Is(f64),
+    /// It has to be more than this.
     Above(f64),
+    /// It has to be less than this.
     Below(f64),
 }
 
 /// A fold in progress.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct FoldState {
+pub struct FoldState {
     counted: usize,
     over: bool,
     first: f64,
@@ -52,17 +97,14 @@ pub(crate) struct FoldState {
 }
 
 impl Fold {
-    /// Looks up the names of a fold in the `measurements` of a task.
+    /// Looks up the names of a fold in the measurements there are.
     ///
     /// # Errors
-    /// If a measurement is unknown, `of` is missing (or given to a count, which needs none), a condition has not exactly
+    /// `is_bad_config` if a measurement is unknown, `of` is missing (or given to a count, which needs none), a condition has not exactly
     /// one bound, or `otherwise` is missing where a fold with conditions may find nothing to count.
-    pub(crate) fn resolve(file: &FoldOf, measurements: &[String]) -> Result<Self> {
-        let names = match &file.of {
-            OneOrMore::One(name) => std::slice::from_ref(name),
-            OneOrMore::More(names) => names,
-        };
-        match (file.fold, names) {
+    pub fn resolve(written: &FoldOf, measurements: &Measurements<'_>) -> Result<Self> {
+        let names = written.of.names();
+        match (written.fold, names) {
             (FoldKind::Count, [_, ..]) => {
                 return Err(Error::bad_config(
                     "of: a count is of rows, so it takes no measurement; use `when`",
@@ -72,17 +114,18 @@ impl Fold {
             (_, []) => return Err(Error::bad_config("of: missing or empty; name at least one measurement")),
             _ => {}
         }
-        let columns = names.iter().map(|name| column(name, measurements));
+        let columns = names.iter().map(|name| measurements.column(name));
         let columns = columns.collect::<Result<_>>().map_err(|error| error.during("of"))?;
-        let conditions = |conditions: &[task_file::Condition], key| -> Result<Vec<_>> {
+        let conditions = |conditions: &[ConditionOf], key| -> Result<Vec<_>> {
             let resolved = conditions.iter().map(|condition| Condition::resolve(condition, measurements));
             resolved.collect::<Result<_>>().map_err(|error| error.during(key))
         };
-        let when = conditions(&file.when, "when")?;
-        let as_long_as = conditions(&file.as_long_as, "while")?;
-        let empty_is_zero = matches!(file.fold, FoldKind::Sum | FoldKind::LastMinusFirst | FoldKind::Count);
+        let when = conditions(&written.when, "when")?;
+        let as_long_as = conditions(&written.as_long_as, "while")?;
+        let empty_is_zero =
+            matches!(written.fold, FoldKind::Sum | FoldKind::LastMinusFirst | FoldKind::Count);
         let may_be_empty = !when.is_empty() || !as_long_as.is_empty();
-        let otherwise = match file.otherwise {
+        let otherwise = match written.otherwise {
             Some(value) => value,
             None if empty_is_zero || !may_be_empty => 0.0,
             None => {
@@ -91,12 +134,12 @@ impl Fold {
                 ));
             }
         };
-        let unit = file.unit.clone();
-        Ok(Self { kind: file.fold, columns, negate: file.negate, when, as_long_as, otherwise, unit })
+        let unit = written.unit.clone();
+        Ok(Self { kind: written.fold, columns, negate: written.negate, when, as_long_as, otherwise, unit })
     }
 
     /// The fold before the first row.
-    pub(crate) fn start(&self) -> FoldState {
+    pub fn start(&self) -> FoldState {
         FoldState {
             counted: 0,
             over: false,
@@ -109,7 +152,7 @@ impl Fold {
     }
 
     /// Takes in one row of measurements.
-    pub(crate) fn push(&self, state: &mut FoldState, row: &[f32]) {
+    pub fn push(&self, state: &mut FoldState, row: &[f32]) {
         state.over |= !self.as_long_as.iter().all(|condition| condition.holds(row));
         if state.over || !self.when.iter().all(|condition| condition.holds(row)) {
             return;
@@ -126,7 +169,7 @@ impl Fold {
     }
 
     /// The number that the rows so far make.
-    pub(crate) fn value(&self, state: &FoldState) -> f64 {
+    pub fn value(&self, state: &FoldState) -> f64 {
         let value = match self.kind {
             _ if state.counted == 0 => self.otherwise,
             FoldKind::LastMinusFirst => state.last - state.first,
@@ -141,7 +184,7 @@ impl Fold {
     }
 
     /// Whether a bound that holds after some rows will hold after any further ones.
-    pub(crate) fn is_settled_by(&self, state: &FoldState, bound: Bound) -> bool {
+    pub fn is_settled_by(&self, state: &FoldState, bound: Bound) -> bool {
         let falls = matches!(
             (self.kind, self.negate),
             (FoldKind::Min, false) | (FoldKind::Max | FoldKind::Count, true)
@@ -159,7 +202,7 @@ impl Fold {
     }
 
     /// What it says of an episode, such as `the least reach, negated`.
-    pub(crate) fn words(&self, measurements: &[String]) -> String {
+    pub fn words(&self, measurements: &[String]) -> String {
         let names: Vec<&str> = self.columns.iter().map(|column| measurements[*column].as_str()).collect();
         let of = names.join(" + ");
         let fold = match self.kind {
@@ -192,17 +235,17 @@ impl Fold {
     }
 
     /// The columns that it reads for its value.
-    pub(crate) fn columns(&self) -> &[usize] {
+    pub fn columns(&self) -> &[usize] {
         &self.columns
     }
 
     /// Whether it rises with its columns: then a distance in them would be rated the better the larger it is.
-    pub(crate) fn rises_with_its_columns(&self) -> bool {
+    pub fn rises_with_its_columns(&self) -> bool {
         !self.negate && self.kind != FoldKind::Count
     }
 
     /// Why an episode that ends early may be rated too well, where it may: its remaining steps are not there to count against it.
-    pub(crate) fn favors_an_early_end(&self) -> Option<&'static str> {
+    pub fn favors_an_early_end(&self) -> Option<&'static str> {
         match (self.kind, self.negate) {
             (FoldKind::Mean, _) => {
                 Some("a mean over the steps that were played, so that falling at once costs nothing")
@@ -218,12 +261,12 @@ impl Fold {
     }
 
     /// Whether it may be the same in many episodes by design: it counts, or looks only where conditions hold.
-    pub(crate) fn is_sparse(&self) -> bool {
+    pub fn is_sparse(&self) -> bool {
         self.kind == FoldKind::Count || !self.when.is_empty() || !self.as_long_as.is_empty()
     }
 
     /// The number that all rows make.
-    pub(crate) fn over(&self, rows: &Rows) -> f64 {
+    pub fn over(&self, rows: &Rows) -> f64 {
         let mut state = self.start();
         rows.iter().for_each(|row| self.push(&mut state, row));
         self.value(&state)
@@ -241,16 +284,16 @@ impl Heuristic for Fold {
 }
 
 impl Condition {
-    fn resolve(file: &task_file::Condition, measurements: &[String]) -> Result<Self> {
-        let column = column(&file.measurement, measurements)?;
-        let bound = match (file.is, file.above, file.below) {
+    fn resolve(written: &ConditionOf, measurements: &Measurements<'_>) -> Result<Self> {
+        let column = measurements.column(&written.measurement)?;
+        let bound = match (written.is, written.above, written.below) {
             (Some(value), None, None) => Bound::Is(value),
             (None, Some(value), None) => Bound::Above(value),
             (None, None, Some(value)) => Bound::Below(value),
             _ => {
                 return Err(Error::bad_config(format!(
                     "the condition on '{}' needs exactly one of: is, above, below",
-                    file.measurement
+                    written.measurement
                 )));
             }
         };
@@ -268,7 +311,7 @@ impl Condition {
 
 impl Bound {
     /// Such as `above 0.5`.
-    pub(crate) fn words(self) -> String {
+    pub fn words(self) -> String {
         match self {
             Self::Is(value) => format!("is {value}"),
             Self::Above(value) => format!("above {value}"),
@@ -277,7 +320,7 @@ impl Bound {
     }
 
     /// Whether the number keeps to the bound.
-    pub(crate) fn holds(self, value: f64) -> bool {
+    pub fn holds(self, value: f64) -> bool {
         match self {
             Self::Is(wanted) => value == wanted,
             Self::Above(bound) => value > bound,
@@ -286,22 +329,18 @@ impl Bound {
     }
 }
 
-/// The column of a measurement; the error lists the measurements there are.
-pub(crate) fn column(name: &str, measurements: &[String]) -> Result<usize> {
-    measurements.iter().position(|known| known == name).ok_or_else(|| {
-        let instead = instead(name, "[measurements]", measurements);
-        Error::bad_config(format!("no measurement is called '{name}'; {instead}"))
-    })
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
     fn fold(text: &str) -> Fold {
-        let file: FoldOf = toml::from_str(text).unwrap();
-        Fold::resolve(&file, &["a".to_owned(), "b".to_owned()]).unwrap()
+        resolved(&toml::from_str(text).unwrap()).unwrap()
+    }
+
+    fn resolved(written: &FoldOf) -> Result<Fold> {
+        let names = ["a".to_owned(), "b".to_owned()];
+        Fold::resolve(written, &Measurements { names: &names, whose: "[measurements]" })
     }
 
     fn rows(values: &[[f32; 2]]) -> Rows {
@@ -402,8 +441,7 @@ mod tests {
             ("fold = 'min'\nof = 'a'\nwhen = [{ measurement = 'b' }]", "exactly one of: is, above, below"),
             ("fold = 'min'\nof = 'a'\nwhen = [{ measurement = 'b', is = 1 }]", "`otherwise` is missing"),
         ] {
-            let error = Fold::resolve(&toml::from_str(text).unwrap(), &["a".to_owned(), "b".to_owned()]);
-            let error = error.unwrap_err();
+            let error = resolved(&toml::from_str(text).unwrap()).unwrap_err();
             assert!(error.to_string().contains(wanted), "{error}");
             assert!(error.is_bad_config());
         }

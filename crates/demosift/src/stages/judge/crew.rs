@@ -1,0 +1,43 @@
+//! Who judges the units: threads here, or whatever else can call a function of one unit.
+
+use std::sync::Mutex;
+
+use rayon::prelude::*;
+
+use super::unit::{Outcome, Unit};
+use crate::basics::error::Result;
+
+/// Judges one unit; it may be called from any thread, in any order and more than once, with the same outcome.
+pub type JudgeUnit<'a> = dyn Fn(&Unit) -> Result<Outcome> + Sync + 'a;
+
+/// Takes the outcome of a unit as soon as it is there; of a unit that comes twice it takes the first.
+pub type HandIn<'a> = dyn FnMut(Unit, Outcome) + Send + 'a;
+
+/// Where units are judged.
+///
+/// The outcomes of units do not depend on each other, and [`judge`](super::judge) puts them in order, so a crew may take them
+/// in any order.
+/// One whose units are judged in other processes or on other machines ignores `one`: there
+/// [`judge_unit`](super::judge_unit) is called with the same trial.
+pub trait Crew {
+    /// Judges units and hands in each as it is finished. Those that it leaves out it is asked for again.
+    ///
+    /// # Errors
+    /// The first that a unit meets; what was handed in before stays.
+    fn judge(&self, units: &[Unit], one: &JudgeUnit<'_>, hand_in: &mut HandIn<'_>) -> Result<()>;
+}
+
+/// The threads of this process: as many units at once as there are threads, begun in their order.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Threads;
+
+impl Crew for Threads {
+    fn judge(&self, units: &[Unit], one: &JudgeUnit<'_>, hand_in: &mut HandIn<'_>) -> Result<()> {
+        let hand_in = Mutex::new(hand_in);
+        units.iter().par_bridge().try_for_each(|unit| {
+            let outcome = one(unit)?;
+            hand_in.lock().expect("no thread panics while it holds the lock")(*unit, outcome);
+            Ok(())
+        })
+    }
+}

@@ -1,0 +1,193 @@
+use std::sync::Mutex;
+
+use super::*;
+use crate::run::preset::Preset;
+use crate::world::point_mass::{PointMass, planted_set};
+
+/// What a crew led to: the result, the state it is made of, and the numbers that were told, in order.
+#[derive(Debug, PartialEq)]
+struct Came {
+    judged: Judged,
+    state: JudgingState,
+    told: Vec<String>,
+}
+
+/// Keeps what is told of units, and each checkpoint as bytes.
+#[derive(Default)]
+struct Listening {
+    told: Vec<String>,
+    checkpoints: Vec<Vec<u8>>,
+}
+
+impl Observer for Listening {
+    fn on(&mut self, event: Event<'_>) {
+        match event {
+            Event::Measured { part, iteration, numbers, .. } => {
+                self.told.push(format!("{part} {iteration} {numbers:?}"));
+            }
+            Event::Checkpoint { state, .. } => self.checkpoints.push(state.to_bytes()),
+            _ => {}
+        }
+    }
+}
+
+/// Three demonstrations under two goals, two to four repeats each: rounds of racing, starts that are drawn anew.
+fn with_trial<T>(work: impl FnOnce(&Trial<'_>) -> T) -> T {
+    let task = PointMass::with_goals(2);
+    let set = planted_set(&[180.0, 10.0, 0.0], Seed::new(1)).expect("a valid set");
+    let config = Preset::Quick.config();
+    let inner = InnerUpdate { batch_steps: 60, ..config.inner };
+    let acting = Acting::Sampled;
+    let judging = Judging { iterations: 2, averaged: 1, evaluations: 3, repeats: 2, most_repeats: 4, acting };
+    let shape = PolicyShape { hidden: vec![8], initial_std: 0.5 };
+    work(&Trial {
+        set: &set,
+        playground: &Playground::new(&task),
+        start: Start::Untrained { shape: &shape, discriminator_hidden: &[8] },
+        inner: &inner,
+        judging: &judging,
+        cut: 1,
+        part: "paper",
+        seed: &Seed::new(5),
+    })
+}
+
+fn came(trial: &Trial<'_>, crew: &dyn Crew) -> Came {
+    let (mut state, mut listening) = (JudgingState::default(), Listening::default());
+    let judged = judge(trial, crew, &mut state, &mut listening).expect("the point mass is judged");
+    Came { judged, state, told: listening.told }
+}
+
+/// The last unit first, one after the other.
+struct Backwards;
+
+impl Crew for Backwards {
+    fn judge(&self, units: &[Unit], one: &JudgeUnit<'_>, hand_in: &mut HandIn<'_>) -> Result<()> {
+        units.iter().rev().try_for_each(|unit| {
+            hand_in(*unit, one(unit)?);
+            Ok(())
+        })
+    }
+}
+
+/// Judges each unit twice, on two threads that do not wait for each other, and drops one outcome of each at random.
+struct TwiceAndOneIsLost;
+
+impl Crew for TwiceAndOneIsLost {
+    fn judge(&self, units: &[Unit], one: &JudgeUnit<'_>, hand_in: &mut HandIn<'_>) -> Result<()> {
+        let hand_in = Mutex::new(hand_in);
+        let twice = |keeps: usize| -> Result<()> {
+            for (place, unit) in units.iter().enumerate() {
+                let outcome = one(unit)?;
+                if place % 2 == keeps {
+                    let mut hand_in = hand_in.lock().expect("no panic");
+                    hand_in(*unit, outcome);
+                }
+            }
+            Ok(())
+        };
+        std::thread::scope(|scope| {
+            let other = scope.spawn(|| twice(1));
+            twice(0)?;
+            other.join().expect("no panic")
+        })
+    }
+}
+
+/// Judges some of what it is asked for, hands in each of these twice, and forgets the rest.
+struct Forgetful;
+
+impl Crew for Forgetful {
+    fn judge(&self, units: &[Unit], one: &JudgeUnit<'_>, hand_in: &mut HandIn<'_>) -> Result<()> {
+        for unit in &units[..units.len().div_ceil(2)] {
+            let outcome = one(unit)?;
+            hand_in(*unit, outcome.clone());
+            hand_in(*unit, outcome);
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn algorithm_2_what_comes_out_does_not_depend_on_who_judges() {
+    with_trial(|trial| {
+        let wanted = came(trial, &Threads);
+        let adaptations = wanted.judged.scores.suitabilities.iter().map(|of| of.after.len()).sum::<usize>();
+        assert!(adaptations > 12, "{adaptations}: there are rounds of racing");
+        assert!(!wanted.told.is_empty());
+        assert_eq!(came(trial, &Backwards), wanted);
+        assert_eq!(came(trial, &TwiceAndOneIsLost), wanted);
+        assert_eq!(came(trial, &Forgetful), wanted);
+        let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+        assert_eq!(alone.install(|| came(trial, &Threads)), wanted);
+    });
+}
+
+#[test]
+fn algorithm_2_a_unit_is_a_function_of_its_arguments() {
+    with_trial(|trial| {
+        let wanted = came(trial, &Threads).state.finished;
+        // Each by itself, on a playground where nothing was played before.
+        for (unit, outcome) in wanted.iter().rev() {
+            let task = PointMass::with_goals(2);
+            let elsewhere = Trial { playground: &Playground::new(&task), ..*trial };
+            assert_eq!(&judge_unit(&elsewhere, unit).expect("judged"), outcome, "{unit:?}");
+        }
+    });
+}
+
+/// Judges two units of what it is asked for and then fails, or does nothing at all.
+struct Failing {
+    judges: usize,
+    with: fn() -> Result<()>,
+}
+
+impl Crew for Failing {
+    fn judge(&self, units: &[Unit], one: &JudgeUnit<'_>, hand_in: &mut HandIn<'_>) -> Result<()> {
+        for unit in &units[..self.judges] {
+            hand_in(*unit, one(unit)?);
+        }
+        (self.with)()
+    }
+}
+
+#[test]
+fn a_crew_that_fails_leaves_what_is_finished_and_judging_goes_on_to_the_same() {
+    with_trial(|trial| {
+        let wanted = came(trial, &Threads);
+        let lost = Failing { judges: 2, with: || Err(Error::simulation("the other machine is gone")) };
+        let (mut state, mut listening) = (JudgingState::default(), Listening::default());
+        let error = judge(trial, &lost, &mut state, &mut listening).expect_err("it fails");
+        assert_eq!(error.to_string(), "the other machine is gone");
+        assert_eq!(state.done(), 2);
+        let stored = listening.checkpoints.last().expect("a checkpoint");
+        let mut stored: JudgingState = postcard::from_bytes(stored).expect("a state");
+        assert_eq!(stored, state);
+        let judged = judge(trial, &Backwards, &mut stored, &mut Listening::default()).expect("judged");
+        assert_eq!(judged, wanted.judged);
+
+        let idle = Failing { judges: 0, with: || Ok(()) };
+        let error = judge(trial, &idle, &mut JudgingState::default(), &mut Listening::default());
+        let error = error.expect_err("nobody judges");
+        assert!(error.to_string().starts_with("none of 16 units came back"), "{error}");
+    });
+}
+
+/// What took long is stored at once, however many were finished before; what took no time waits for its share.
+#[test]
+fn a_unit_that_took_long_is_stored_as_soon_as_it_is_finished() {
+    let unit = |demo| Unit { variant: EnvVariant(0), repeat: 0, demo: Some(DemoId(demo)) };
+    let outcome =
+        |played| Outcome { scores: Vec::new(), distance: 0.0, curve: Vec::new(), policy: None, played };
+    let units: Vec<Unit> = (0..103).map(unit).collect();
+    let checkpoints = |steps: u64| {
+        let (mut state, mut listening) = (JudgingState::default(), Listening::default());
+        state.finished.extend((0..100).map(|demo| (unit(demo), outcome(0))));
+        let mut collecting = Collecting::new("", &units, &mut state, &mut listening);
+        (100..103).for_each(|demo| collecting.take(unit(demo), outcome(steps)));
+        listening.checkpoints.len()
+    };
+    assert_eq!(checkpoints(85_000), 3);
+    assert_eq!(checkpoints(1_600), 1, "after 3,200 steps");
+    assert_eq!(checkpoints(10), 0);
+}

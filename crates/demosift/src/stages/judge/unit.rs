@@ -1,0 +1,119 @@
+//! One unit of judging (Algorithm 2, lines 3 to 11): a function of its arguments alone, wherever and whenever it is called.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Judging, Trial, evaluation_seeds, seed_under};
+use crate::basics::error::Result;
+use crate::basics::seed::Seed;
+use crate::data::demonstration::DemoId;
+use crate::data::trajectory::Trajectory;
+use crate::learning::adapt::{self, Course, Learner, UpdateReport};
+use crate::learning::gail;
+use crate::math::statistics::mean_or_zero;
+use crate::world::adapted_behaviors;
+use crate::world::environment::EnvVariant;
+use crate::world::heuristic::Score;
+use crate::world::policy::Policy;
+use crate::world::rollout::{self, Playground};
+
+/// One piece of judging that depends on no other: a demonstration imitated once under a variant, or, with no demonstration,
+/// what the agent is worth before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Unit {
+    /// e_j.
+    pub variant: EnvVariant,
+    /// Which repeat.
+    pub repeat: usize,
+    /// v_i, if one is imitated.
+    pub demo: Option<DemoId>,
+}
+
+/// What came of a unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// K, one an evaluation seed, `[M]`.
+    pub(super) scores: Vec<Score>,
+    /// From what was demonstrated (Table 1).
+    pub(super) distance: f64,
+    pub(super) curve: Vec<UpdateReport>,
+    /// θ_ij, of the first repeat only.
+    pub(super) policy: Option<Policy>,
+    /// Environment steps that it took.
+    pub(super) played: u64,
+}
+
+impl Outcome {
+    /// Mean K over the evaluation seeds.
+    pub fn mean_score(&self) -> Score {
+        mean_or_zero(&self.scores)
+    }
+
+    /// Environment steps that it took.
+    pub fn played(&self) -> u64 {
+        self.played
+    }
+}
+
+/// Lines 3 to 11 once; nothing is imitated where the unit is about the agent before.
+///
+/// It asks nothing but the trial and the unit, so that any machine can do it at any time, and twice.
+///
+/// # Errors
+/// Those of adapting and playing, with the unit before them.
+pub fn judge_unit(trial: &Trial<'_>, unit: &Unit) -> Result<Outcome> {
+    let learner = trial.start.learner(trial.set, unit.repeat, trial.seed);
+    let seed = seed_under(trial.seed, trial.playground, unit.variant);
+    let outcome = match unit.demo {
+        Some(demo) => imitated(trial, &learner, demo, unit, &seed),
+        None => before(trial, &learner, unit, &seed),
+    };
+    outcome.map_err(|error| error.during(&unit.in_words()))
+}
+
+/// What the agent is worth that imitates nothing.
+fn before(trial: &Trial<'_>, learner: &Learner, unit: &Unit, seed: &Seed) -> Result<Outcome> {
+    let played = evaluate(trial, &learner.policy, unit.variant, seed)?;
+    let scores = score(trial.playground, &played);
+    let played = steps_of(&played);
+    Ok(Outcome { scores, distance: 0.0, curve: Vec::new(), policy: None, played })
+}
+
+/// Lines 3 to 11 for one demonstration.
+fn imitated(trial: &Trial<'_>, learner: &Learner, demo: DemoId, unit: &Unit, seed: &Seed) -> Result<Outcome> {
+    let Judging { iterations, averaged, .. } = *trial.judging;
+    let course = Course { inner: trial.inner, iterations, averaged };
+    let pairs = gail::demonstrated_pairs(trial.set.get(demo), learner.policy.filter());
+    let adapting = seed.of("adapt").at(unit.repeat);
+    let adapted = adapt::adapt(learner, &[&pairs], trial.playground, unit.variant, &course, &adapting)?;
+    let policy = adapted.learner.policy;
+    let played = evaluate(trial, &policy, unit.variant, seed)?;
+    let distance = adapted_behaviors::distance(trial.set.get(demo), &played)?;
+    let scores = score(trial.playground, &played);
+    let policy = (unit.repeat == 0).then_some(policy);
+    let played = adapted.played + steps_of(&played);
+    Ok(Outcome { scores, distance, curve: adapted.curve, policy, played })
+}
+
+fn steps_of(played: &[Trajectory]) -> u64 {
+    played.iter().map(|played| played.steps() as u64).sum()
+}
+
+/// Line 11: a policy on the M evaluation seeds, which are the same for everybody.
+fn evaluate(trial: &Trial<'_>, policy: &Policy, variant: EnvVariant, seed: &Seed) -> Result<Vec<Trajectory>> {
+    let seeds = evaluation_seeds(seed, trial.judging.evaluations);
+    rollout::play(trial.playground, policy, trial.judging.acting, variant, seeds)
+}
+
+/// K.
+fn score(playground: &Playground<'_>, played: &[Trajectory]) -> Vec<Score> {
+    played.iter().map(|played| playground.score(played)).collect()
+}
+
+impl Unit {
+    fn in_words(self) -> String {
+        match self.demo {
+            Some(demo) => format!("judging demonstration {demo}"),
+            None => "evaluating the agent before it imitates".to_owned(),
+        }
+    }
+}
