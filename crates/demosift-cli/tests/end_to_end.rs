@@ -9,9 +9,11 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use demosift::basics::seed::Seed;
 use demosift::data::demonstration::d4rl;
+use demosift::world::point_mass;
 use rustix::process::{Pid, Signal, kill_process};
-use support::{RECORD, Scratch, assert_same_files};
+use support::{RECORD, Scratch, assert_same_files, write_set};
 
 const TASK: &str = "--task point_mass --config tiny.toml";
 
@@ -230,15 +232,22 @@ fn results_as_json() {
 #[test]
 fn keep_auto_says_what_it_went_by_and_one_repeat_what_it_lacks() {
     let scratch = Scratch::new("auto");
-    let job = format!("{TASK} --set meta_train.rounds=20 --set judge.iterations=6 --keep auto");
-    let said = scratch.succeed(&format!("sift set {job} --out run"));
-    assert!(said.lines().all(|line| line.chars().count() <= 100), "{said}");
-    let words = said.replace('\n', " ");
-    assert!(
-        words.contains("Kept is what makes the agent better") || words.contains("Nothing surely helps"),
-        "{said}"
+    let away = point_mass::planted_set(&[180.0, 170.0, 190.0, 175.0], Seed::new(4)).unwrap();
+    write_set(&scratch.0.join("away.hdf5"), &away);
+    let job = format!(
+        "{TASK} --set cloning_judge.judging.iterations=40 --set cloning_judge.judging.repeats=4 --keep auto"
     );
-    assert!(!words.contains("imitated once"), "{said}");
+    // Two of the four drive to the goal; of the others all drive away from it.
+    for (set, wanted, other) in [
+        ("set", "Kept is what makes the agent better", "Nothing surely helps"),
+        ("away.hdf5", "Nothing surely helps", "Kept is what makes the agent better"),
+    ] {
+        let said = scratch.succeed(&format!("select {set} {job} --judge cloning --out {}", &wanted[..4]));
+        assert!(said.lines().all(|line| line.chars().count() <= 100), "{said}");
+        let words = said.replace('\n', " ");
+        assert!(words.contains(wanted) && !words.contains(other), "{said}");
+        assert!(!words.contains("imitated once"), "{said}");
+    }
     let once = scratch.succeed(&format!("select set {job} --judge paper --set judge.repeats=1 --out once"));
     assert!(once.replace('\n', " ").contains("imitated once, so what another try would change"), "{once}");
     assert!(once.lines().all(|line| line.chars().count() <= 100), "{once}");
