@@ -1,4 +1,4 @@
-//! The subcommands: each brings a run folder up to its noun and shows it.
+//! The subcommands: each brings a run folder up to its result and shows it.
 
 mod completions;
 mod convert;

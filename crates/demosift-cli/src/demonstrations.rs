@@ -1,4 +1,4 @@
-//! The demonstrations that a user names, read and checked, with what tells them apart from others.
+//! The demonstrations that a user names, read and checked, with what identifies them.
 
 use std::path::{Path, PathBuf};
 

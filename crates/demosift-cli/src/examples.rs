@@ -115,7 +115,7 @@ Examples:
 
 pub(crate) const PLAY: &str = "\
 Examples:
-  The worst and the best of a set, one a row of a contact sheet:
+  The worst and the best of a set, one per row of a contact sheet:
     demosift play --task free_throw --data data/free_throw_8 --demonstration 1,4 --sheet
   A clip of the best policy that a run found:
     demosift play --task free_throw --policy runs/throws/policy_best.safetensors --clip

@@ -39,7 +39,7 @@ pub(crate) enum GoesOn {
 ///
 /// Where the system refuses, they end it at once and without a word, which a run survives just as well.
 pub(crate) fn listen(goes_on: GoesOn) {
-    // Whoever ends the process in order has to be there before the default way to end it is taken away.
+    // The thread that ends the process in order must exist before the default way to end it is replaced.
     let listener = Signals::new([SIGINT, SIGTERM]).and_then(|mut signals| {
         let wait = move || signals.forever().take(1).for_each(|signal| stop(signal, goes_on));
         thread::Builder::new().name("interruption".to_owned()).spawn(wait)

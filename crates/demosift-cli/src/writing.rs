@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Held by whoever writes, and by the interruption that ends the process.
+/// Held while something is written, and by the interruption that ends the process.
 static WRITING: Mutex<()> = Mutex::new(());
 
 /// Writes something whole before an interruption may end the process; never one within another, which would wait for itself.

@@ -268,7 +268,7 @@ fn states(name: &str) -> [Vec<f64>; 2] {
     ["infos/qpos", "infos/qvel"].map(|table| file.dataset(table).unwrap().read_f64().unwrap())
 }
 
-/// Whoever changes a model of the throwers makes the recorded sets wrong, and is told here.
+/// A change of a thrower's model makes the recorded sets wrong; this test says so.
 #[test]
 fn each_recorded_throw_plays_again_to_the_bit_in_the_body_that_threw_it() {
     for name in ["free_throw_8", "free_throw_20"] {

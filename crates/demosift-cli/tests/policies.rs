@@ -1,4 +1,4 @@
-//! Policies of run folders, as whoever plays them without demosift finds them.
+//! Policies of run folders, played without demosift.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 

@@ -27,7 +27,7 @@
 //!     playground: &Playground::new(&task), // where policies are played and scored
 //!     config: &config,
 //!     ledger: &mut InMemory::default(), // keeps what is found; a run folder can be one
-//!     observer: &mut Silent,            // hears of progress
+//!     observer: &mut Silent,            // receives progress
 //! })?;
 //!
 //! // Imitating the second or the fourth demonstration leads to the goal, so these are kept.

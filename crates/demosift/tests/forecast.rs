@@ -163,7 +163,7 @@ fn a_race_plays_at_most_what_is_counted() {
     assert_eq!(forecast::planned(run, Goal::Scores).unwrap(), []);
 }
 
-/// Remembers checkpoints that a run forgets when it is done, and can forget the nouns instead, as if it had been killed.
+/// Remembers checkpoints that a run forgets when it is done, and can forget the results instead, as if it had been killed.
 #[derive(Default)]
 struct Killed(BTreeMap<String, Vec<u8>>);
 

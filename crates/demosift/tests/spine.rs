@@ -167,7 +167,7 @@ fn table_1_the_adapted_agent_is_nearer_to_what_it_imitated() {
     };
     let (little, much) = (judged(1), judged(12));
     for (little, much) in little.suitabilities.iter().zip(&much.suitabilities) {
-        assert_eq!((little.distances.len(), much.distances.len()), (2, 2), "one a repeat");
+        assert_eq!((little.distances.len(), much.distances.len()), (2, 2), "one per repeat");
         let nearer = little.distances.iter().zip(&much.distances).all(|(little, much)| much < little);
         assert!(nearer, "{:?} became {:?}", little.distances, much.distances);
     }

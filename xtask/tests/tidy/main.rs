@@ -57,7 +57,7 @@ fn real_bands() -> Bands {
     Bands::read(&read("ARCHITECTURE.md"))
 }
 
-/// Fails with every violation, one a line.
+/// Fails with every violation, one per line.
 fn tidy(violations: Vec<Violation>) {
     let list: Vec<String> = violations.iter().map(ToString::to_string).collect();
     assert!(list.is_empty(), "\n\n{}\n", list.join("\n"));

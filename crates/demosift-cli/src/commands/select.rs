@@ -44,7 +44,7 @@ pub(super) fn selection(run: &mut Run<'_>) -> Result<Selection> {
     experiment::selection(run, &panel)
 }
 
-/// How the demonstrations were weighed, where the subset came of that.
+/// How the demonstrations were weighed, where the subset is chosen by weights.
 pub(super) fn weighing(job: &mut Job) -> Result<Option<Weighing>> {
     match job.keep() {
         Keep::Weights => job.run(|run| Weighing::recall(run.ledger, "")),

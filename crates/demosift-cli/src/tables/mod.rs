@@ -81,7 +81,7 @@ impl<'a> Scale<'a> {
     }
 }
 
-/// The policies that came of imitating from scratch, one a row; below, which imitations lost what they had learned.
+/// The policies from imitating from scratch, one per row; below, which imitations lost what they had learned.
 pub(crate) fn policies(curves: &[(String, &LearningCurve)], unit: &str) -> String {
     let scale = Scale::of(curves.iter().map(|(_, curve)| curve.outcome.score), unit);
     let title = scale.title("heuristic");

@@ -29,7 +29,7 @@ const PUSHED: usize = 10;
 /// How far geoms may be inside each other as an episode starts, m: more is thrown apart by the physics.
 const DEEP: f64 = 0.02;
 
-/// What came of random actions.
+/// The result of random actions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Tried {
     /// Episodes, spread evenly over the variants.

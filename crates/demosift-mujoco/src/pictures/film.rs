@@ -25,7 +25,7 @@ const MARGIN: usize = 6;
 pub struct Take<'a> {
     /// What is written above its pictures.
     pub label: String,
-    /// The simulator's states, one a step.
+    /// The simulator's states, one per step.
     pub states: &'a StateLog,
     /// How many there are.
     pub steps: usize,

@@ -1,4 +1,4 @@
-//! Episodes that are scripted, and what came of them.
+//! Episodes that are scripted, and their results.
 
 #![allow(dead_code, reason = "each test file compiles this for itself and uses what it needs")]
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]

@@ -8,7 +8,7 @@ pub trait Observer: Send {
     fn on(&mut self, event: Event<'_>);
 }
 
-/// What an observer hears.
+/// What an observer receives.
 #[derive(Debug)]
 pub enum Event<'a> {
     /// A stage begins; it will take `total` units of work, of which `done` are finished (after a resume).

@@ -136,7 +136,7 @@ pub fn fit(
 
 /// Line 13, Eq. 5: R_MI = +log Q(v_i | Δπ) of each trajectory that is paid, `[before]` or `[after]`.
 ///
-/// One a pair, `[pairs]`.
+/// One per pair, `[pairs]`.
 pub fn information_rewards(
     posterior: &Posterior,
     before: &Sequences,

@@ -66,7 +66,7 @@ pub struct Experience<'a> {
     pub weight: f64,
 }
 
-/// What came of a step.
+/// The result of a step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
     /// δ, to be added to the parameters of each policy; zeros if no step was taken, `[P + act]`.

@@ -1,7 +1,7 @@
-//! How each noun is written down and read back, with a version each.
+//! How each result is written and read, with a version each.
 //!
-//! Nouns for people are JSON; policies and discriminators are safetensors with the shapes and the filter inside;
-//! beside a policy stands the same one as ONNX, for whoever plays it without demosift;
+//! Results for people are JSON; policies and discriminators are safetensors with the shapes and the filter inside;
+//! each policy is also written as ONNX, to be played without demosift;
 //! checkpoints and a demonstrator's stages, which are for the next process of the same version only, are compact binary.
 
 pub mod onnx;
@@ -44,13 +44,13 @@ const VERSION_KEY: &str = "demosift_format";
 
 /// A result of the flow that a ledger can store; `part` tells several of a kind apart.
 pub trait Artifact: Sized {
-    /// Keeps the noun.
+    /// Stores it.
     fn store(&self, ledger: &mut dyn Ledger, part: &str) -> Result<()>;
     /// The result, if it was stored; the error says what is wrong with its file.
     fn recall(ledger: &dyn Ledger, part: &str) -> Result<Option<Self>>;
 }
 
-/// Reads a noun of JSON; `what` names it in errors.
+/// Reads a result from JSON; `what` names it in errors.
 fn recall_json<T: DeserializeOwned>(ledger: &dyn Ledger, name: &str) -> Result<Option<T>> {
     let Some(bytes) = ledger.recall(name)? else { return Ok(None) };
     let versioned: Versioned<T> = serde_json::from_slice(&bytes)

@@ -29,7 +29,7 @@ pub enum Judge {
 }
 
 impl Judge {
-    /// Under which its nouns are kept.
+    /// The name under which its results are stored.
     pub fn name(self) -> &'static str {
         match self {
             Self::Cloning => "cloning",
@@ -109,7 +109,7 @@ pub struct Disagreement {
 /// What the judges say of a set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Panel {
-    /// One a judge, in the order in which they were asked.
+    /// One per judge, in the order in which they were asked.
     pub opinions: Vec<Opinion>,
     /// Whose order is taken.
     pub decides: Judge,

@@ -1,6 +1,6 @@
 //! All that a run found, gathered into one value to be shown to a person.
 //!
-//! The report concludes nothing that the nouns of the flow do not say: it puts them side by side, in the order of the
+//! The report concludes nothing that the results of the flow do not say: it puts them side by side, in the order of the
 //! ranking, and works out what only a picture needs, such as the band of an adaptation curve over its repeats.
 //! How it looks is not said here; the command writes it into a page.
 //!
@@ -33,7 +33,7 @@ pub use shown::{Moment, Shown, agent_episodes, typical_evaluation};
 
 /// What a report is made of.
 pub struct Sources<'a> {
-    /// Keeps the nouns of the run.
+    /// Stores the results of the run.
     pub ledger: &'a dyn Ledger,
     /// V.
     pub set: &'a DemonstrationSet,
@@ -66,7 +66,7 @@ pub struct Report {
     pub unit: String,
     /// How the agent of the paper's judge was prepared.
     pub method: String,
-    /// Whoever judged, in the order in which they were asked.
+    /// Those that judged, in the order in which they were asked.
     pub judges: Vec<JudgeShown>,
     /// Spearman's rank correlation between the judges, where there are two.
     pub agreement: Option<f64>,
@@ -92,7 +92,7 @@ pub struct Report {
     pub top_set: f64,
     /// The adapted behaviors distance (Table 1) over the set.
     pub adapted_behaviors_distance: f64,
-    /// One a judge, demonstration and variant, in the order of judging.
+    /// One per judge, demonstration and variant, in the order of judging.
     pub curves: Vec<AdaptationCurve>,
     /// What the recordings alone say.
     pub data_only: Vec<ColumnShown>,

@@ -85,7 +85,7 @@ pub type Clock<'a> = &'a mut dyn FnMut() -> f64;
 /// What a run has still to do until a goal is reached, and how long that will take; nothing is kept.
 ///
 /// # Errors
-/// What the run itself would meet at its beginning: a noun or checkpoint that cannot be read, a simulator that fails.
+/// What the run itself would meet at its beginning: a result or checkpoint that cannot be read, a simulator that fails.
 pub fn forecast(run: &Run<'_>, goal: Goal<'_>, clock: Clock<'_>) -> Result<Forecast> {
     let probe = Probe { run };
     timed(planned(run, goal)?, &mut |piece| probe.seconds_per_unit(piece, clock))

@@ -9,7 +9,7 @@
 //!
 //! | word | means |
 //! |---|---|
-//! | cell | one piece of work with what came of it: set × method × seed, or set × subset × imitator × seed |
+//! | cell | one piece of work with its result: set × method × seed, or set × subset × imitator × seed |
 //! | truth | what a method is held against: the oracle, or a return or stage that is known |
 //! | oracle | the trainings on each demonstration alone |
 //! | ceiling | how well the oracle agrees with itself, each seed against the mean of the others |
@@ -157,7 +157,7 @@ pub struct JudgedDemonstration {
     pub repeats: Vec<Score>,
 }
 
-/// What came of judging a set once.
+/// The result of judging a set once.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JudgingResult {
@@ -224,7 +224,7 @@ impl Curve {
     }
 }
 
-/// What came of training once.
+/// The result of training once.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingResult {
@@ -239,7 +239,7 @@ pub struct TrainingResult {
     pub curve: Curve,
 }
 
-/// What came of a cell.
+/// The result of a cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Found {
@@ -251,7 +251,7 @@ pub enum Found {
     Failed(String),
 }
 
-/// Work with what came of it.
+/// Work with its result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cell {
@@ -274,7 +274,7 @@ impl Finished {
         self.0.insert(cell.work.name(), cell);
     }
 
-    /// What came of some work, be it a failure.
+    /// The result of some work, be it a failure.
     pub fn cell(&self, work: &Work) -> Option<&Cell> {
         self.0.get(&work.name()).filter(|cell| cell.work == *work)
     }

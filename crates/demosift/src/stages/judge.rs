@@ -71,17 +71,17 @@ pub struct Suitability {
     pub demo: DemoId,
     /// e_j.
     pub variant: EnvVariant,
-    /// K before imitating: of the meta-parameters, `[1][M]`; of the policies that know nothing, one a repeat, `[repeats][M]`.
+    /// K before imitating: of the meta-parameters, `[1][M]`; of the policies that know nothing, one per repeat, `[repeats][M]`.
     pub before: Vec<Vec<Score>>,
-    /// K after adapting, one an evaluation seed, for each repeat, `[repeats][M]`.
+    /// K after adapting, one per evaluation seed, for each repeat, `[repeats][M]`.
     pub after: Vec<Vec<Score>>,
-    /// How far the adapted agent's evaluation episodes are from v_i (Table 1), one a repeat, `[repeats]`.
+    /// How far the adapted agent's evaluation episodes are from v_i (Table 1), one per repeat, `[repeats]`.
     pub distances: Vec<f64>,
     /// The adaptation curves, `[repeats][iterations]`.
     pub curves: Vec<Vec<UpdateReport>>,
 }
 
-/// θ_ij: what came of imitating a demonstration under a variant, to be looked at.
+/// θ_ij: the result of imitating a demonstration under a variant, to be looked at.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AdaptedPolicy {
     /// v_i.
@@ -97,7 +97,7 @@ pub struct AdaptedPolicy {
 pub struct Judged {
     /// S of all.
     pub scores: ScoreTable,
-    /// One a suitability, in the same order.
+    /// One per suitability, in the same order.
     pub adapted: Vec<AdaptedPolicy>,
 }
 
@@ -136,7 +136,7 @@ fn mean_of_means(scores: &[Vec<Score>]) -> Score {
 /// All suitabilities of a set: variants in order, demonstrations in order within each.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ScoreTable {
-    /// One an adaptation target.
+    /// One per adaptation target.
     pub suitabilities: Vec<Suitability>,
 }
 
@@ -233,7 +233,7 @@ pub struct Trial<'a> {
     pub inner: &'a InnerUpdate,
     /// How long, how often and on what it is evaluated.
     pub judging: &'a Judging,
-    /// K of the top K: whom further repeats must tell apart.
+    /// K of the top K: further repeats must separate these from the others.
     pub cut: usize,
     /// Names this judging among others in events.
     pub part: &'a str,
@@ -325,7 +325,7 @@ pub fn judge(
     Ok(assemble(trial, state))
 }
 
-/// Rounds of repeats: the first holds those that everybody gets, each further one a repeat of whoever is still contested.
+/// Rounds of repeats: the first holds those that everybody gets, each further one holds a repeat of those still contested.
 fn rounds(judging: &Judging) -> usize {
     1 + judging.most_repeats.saturating_sub(judging.repeats)
 }
@@ -372,7 +372,7 @@ fn contested(trial: &Trial<'_>, state: &JudgingState, variant: EnvVariant, round
     open.into_iter().map(|place| ids[place]).collect()
 }
 
-/// Lines 3 to 11 for the units that are not finished yet, by whoever judges.
+/// Lines 3 to 11 for the units that are not finished yet, by the crew.
 fn finish(
     trial: &Trial<'_>,
     crew: &dyn Crew,

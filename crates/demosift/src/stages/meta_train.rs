@@ -158,7 +158,7 @@ pub const STAGE: &str = "meta_train";
 ///
 /// // What judging takes is `trained.prior`, a policy and a discriminator that adapt quickly.
 /// assert_ne!(trained.prior, start.prior);
-/// // The state is all there is: whoever stops after two rounds and goes on comes to the same bits.
+/// // The state is complete: stopping after two rounds and going on gives the same bits.
 /// let halfway = train(2, start)?;
 /// assert_eq!(train(3, halfway)?, trained);
 /// # Ok::<(), demosift::Error>(())
@@ -228,7 +228,7 @@ impl MetaState {
     }
 }
 
-/// What came of one demonstration under one variant in a round.
+/// The result of one demonstration under one variant in a round.
 struct Outcome {
     target: Target,
     /// c_i.
@@ -240,7 +240,7 @@ struct Outcome {
     step: Option<NaturalStep>,
 }
 
-/// What came of a round.
+/// The result of a round.
 struct PlayedRound {
     before: Vec<Before>,
     outcomes: Vec<Outcome>,

@@ -243,7 +243,7 @@ impl Candidate {
     }
 }
 
-/// What came of one training.
+/// The result of one training.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Training {
     /// The chosen policy on episodes that did not choose it: the score that decides.
@@ -300,7 +300,7 @@ pub struct Verdict {
     pub level: f64,
     /// What could be trained on.
     pub candidates: Vec<Candidate>,
-    /// Candidates by imitators, with what came of them.
+    /// Candidates by imitators, with their results.
     pub pairs: Vec<Pair>,
 }
 
@@ -343,7 +343,7 @@ pub struct Difference {
     pub high: Score,
 }
 
-/// A pair with what came of it.
+/// A pair with its result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pair {
     /// Which, and its trainings.

@@ -161,7 +161,7 @@ fn entry(table: &ScoreTable, demo: DemoId, counts: &impl Fn(EnvVariant) -> bool)
 /// use demosift::stages::select::{rank, rank_under, top_k};
 /// use demosift::world::environment::EnvVariant;
 ///
-/// // What judging found of a demonstration under a variant: K before and after imitating it, one an evaluation seed.
+/// // What judging found of a demonstration under a variant: K before and after imitating it, one per evaluation seed.
 /// let found = |demo, variant, before: [f64; 2], after: [f64; 2]| Suitability {
 ///     demo: DemoId(demo),
 ///     variant: EnvVariant(variant),

@@ -162,7 +162,7 @@ pub fn play(
 
 /// One rollout an episode, in their order, whatever the number of threads.
 ///
-/// A worker gets as many episodes at once as its width says, counted from the first: who plays with whom does not depend on
+/// A worker gets as many episodes at once as its width says, counted from the first: which episodes are played together does not depend on
 /// the number of threads either.
 pub fn play_episodes(playground: &Playground<'_>, episodes: &[Episode<'_>]) -> Result<Vec<Rollout>> {
     if episodes.is_empty() {

@@ -100,7 +100,7 @@ fn read_marks(root: &Group, name: &str, steps: usize, file_len: u64) -> Result<O
     }
     if shape[0] != steps as u64 {
         return Err(Error::bad_input(format!(
-            "'{name}' has {} entries but 'observations' has {steps} rows; both must have one a step",
+            "'{name}' has {} entries but 'observations' has {steps} rows; both must have one per step",
             shape[0]
         )));
     }

@@ -220,7 +220,7 @@ fn check_counts(metadata: &Path, episodes: &[Episode]) -> Result<()> {
     let counts: Counts = serde_json::from_slice(&bytes).map_err(|error| {
         Error::bad_input(format!("this does not describe a Minari data set: {error}")).at(metadata)
     })?;
-    // What could not be read is named by whoever wants to learn from it.
+    // What could not be read is named when somebody wants to learn from it.
     if episodes.iter().any(|episode| episode.unreadable.is_some()) {
         return Ok(());
     }

@@ -136,7 +136,7 @@ impl DemonstrationSet {
         Ok(Self { demonstrations, ids })
     }
 
-    /// Whether there are several, as whoever chooses among them needs.
+    /// Whether there are several to choose from.
     ///
     /// # Errors
     /// `is_bad_input` if there is one.

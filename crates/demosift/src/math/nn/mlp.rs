@@ -229,7 +229,7 @@ impl Mlp {
         });
     }
 
-    /// The backward pass; `at_the_inputs` hears of each block's rows and of the cotangents of its first layer's sums.
+    /// The backward pass; `at_the_inputs` receives each block's rows and the cotangents of its first layer's sums.
     fn backward<T: Real>(
         &self,
         parameters: &[T],

@@ -1,4 +1,4 @@
-//! Behavioral-cloning loss: whoever acts as the others do in like states is easy to learn from.
+//! Behavioral-cloning loss: a demonstration that acts as the others do in similar states is easy to learn from.
 //!
 //! Curators score a demonstration by how badly a cloned policy predicts its actions; "L2 loss" is one of the rivals in
 //! Hejna et al. 2025 ("Robot data curation with mutual information estimators"), where the policy has seen it.

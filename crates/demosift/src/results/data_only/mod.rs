@@ -43,7 +43,7 @@ pub struct Column {
     pub name: String,
     /// What the number is.
     pub meaning: String,
-    /// One a demonstration, in the order of the set; higher is better by the scorer's lights.
+    /// One per demonstration, in the order of the set; higher is better by the scorer's lights.
     pub scores: Vec<f64>,
 }
 

@@ -34,7 +34,7 @@ pub struct Shown {
     pub score: Score,
     /// Whether it reached the task's goal, where the task says.
     pub succeeded: Option<bool>,
-    /// The simulator's states, one a step.
+    /// The simulator's states, one per step.
     pub states: StateLog,
 }
 

@@ -75,19 +75,19 @@ impl<'a> Checkpointing<'a> {
     }
 
     /// Stores the finished result and what it cost, and forgets the checkpoint.
-    pub fn finish(self, part: &str, noun: &impl Artifact) -> Result<()> {
+    pub fn finish(self, part: &str, result: &impl Artifact) -> Result<()> {
         let spent = self.spent();
-        self.finish_having(spent, part, noun)
+        self.finish_having(spent, part, result)
     }
 
     /// The same for a stage that knows what it played: of units side by side, a checkpoint finds some half played.
-    pub fn finish_having(self, environment_steps: u64, part: &str, noun: &impl Artifact) -> Result<()> {
+    pub fn finish_having(self, environment_steps: u64, part: &str, result: &impl Artifact) -> Result<()> {
         let spent = Spent { environment_steps };
         if let Some(error) = self.failed {
             return Err(error);
         }
         spent.store(self.ledger, &self.stage)?;
-        noun.store(self.ledger, part)?;
+        result.store(self.ledger, part)?;
         self.ledger.forget(&self.checkpoint)
     }
 }

@@ -204,7 +204,7 @@ pub fn hand_on_prior(from: &dyn Ledger, to: &mut dyn Ledger) -> Result<()> {
     Ok(())
 }
 
-/// What the judges say that are asked; whoever has not judged yet does it now.
+/// What the judges say that are asked; those that have not judged yet do it now.
 pub fn panel(run: &mut Run<'_>) -> Result<Panel> {
     make(run, &arrows::all_scores(run.config))?;
     let panel = panel_of(run, run.config.judges.each())?;

@@ -118,7 +118,7 @@ fn training_seed(config: &Config, training: usize) -> Seed {
     Seed::new(config.seed).of(STAGE).at(training)
 }
 
-/// What trainings that run side by side share; whoever holds it makes no parallel loop.
+/// What trainings that run side by side share; nothing runs in parallel while it is locked.
 struct Shared<'a> {
     ledger: &'a mut dyn Ledger,
     observer: &'a mut dyn Observer,

@@ -54,7 +54,7 @@ pub struct Set {
 pub struct Known {
     /// What it is: `return` or `stage`.
     pub kind: String,
-    /// One a demonstration, higher is better.
+    /// One per demonstration, higher is better.
     pub values: Vec<f64>,
 }
 

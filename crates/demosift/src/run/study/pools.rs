@@ -30,7 +30,7 @@ pub struct PoolTraining {
     pub seed: u64,
     /// On which demonstrations.
     pub demos: Vec<DemoId>,
-    /// What came of it.
+    /// Its result.
     #[serde(flatten)]
     pub result: TrainingResult,
 }

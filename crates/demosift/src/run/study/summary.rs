@@ -5,7 +5,7 @@
 //! | agreement | of each method with each truth, over its seeds, beside the ceiling |
 //! | differences | between the first method and each other, paired by seed; and the same over all sets |
 //! | regret | how much worse the policy from a method's top K is than that from the truly best K |
-//! | costs | of each method, once a set and for each demonstration |
+//! | costs | of each method, once per set and for each demonstration |
 //! | pools | what the policies of trainings for their own sake are worth |
 //! | referees | what the referee says of trainings that are drawn again from such pools |
 
@@ -28,9 +28,9 @@ use crate::math::statistics;
 /// All tables.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// One a set, in order.
+    /// One per set, in order.
     pub sets: Vec<SetSummary>,
-    /// Differences of the first method and each other over all sets that know them, one a truth and other method.
+    /// Differences of the first method and each other over all sets that know them, one per truth and other method.
     pub over_sets: Vec<ComparedOverSets>,
     /// One a pool and subset.
     pub pools: Vec<PoolSummary>,
@@ -59,7 +59,7 @@ pub struct SetSummary {
     pub differences: Vec<Compared>,
     /// Regret, for each imitator, K and method.
     pub regret: Vec<RegretSummary>,
-    /// One a method that has finished cells.
+    /// One per method that has finished cells.
     pub costs: Vec<Costs>,
 }
 
@@ -186,7 +186,7 @@ fn of_set(study: &Study, set: &Set, finished: &Finished) -> SetSummary {
     summary
 }
 
-/// What a method found of a set, one a finished seed.
+/// What a method found of a set, one per finished seed.
 struct Judged<'s> {
     method: &'s Judge,
     /// Whether it, or what it is made of, judges by cloning.

@@ -26,7 +26,7 @@ pub(super) struct Race {
     pub level: f64,
 }
 
-/// Who may still belong to either side of the cut, ascending; `means` holds the scores of each demonstration, one a repeat.
+/// Who may still belong to either side of the cut, ascending; `means` holds the scores of each demonstration, one per repeat.
 ///
 /// Nobody is sure of a side before all have two repeats.
 pub(super) fn contested(means: &[Vec<f64>], race: &Race) -> Vec<usize> {
@@ -91,7 +91,7 @@ mod tests {
         );
     }
 
-    /// What came of many races of six with known means.
+    /// The result of many races of six with known means.
     struct Raced {
         /// In which anybody was put on the wrong side.
         wrong: usize,

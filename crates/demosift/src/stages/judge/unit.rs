@@ -28,10 +28,10 @@ pub struct Unit {
     pub demo: Option<DemoId>,
 }
 
-/// What came of a unit.
+/// The result of a unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
-    /// K, one an evaluation seed, `[M]`.
+    /// K, one per evaluation seed, `[M]`.
     pub(super) scores: Vec<Score>,
     /// From what was demonstrated (Table 1).
     pub(super) distance: f64,

@@ -132,7 +132,7 @@ impl Contest {
         all.collect()
     }
 
-    /// What came of a unit; units are added in order.
+    /// The result of a unit; units are added in order.
     pub fn add(&mut self, unit: Unit, training: Training) {
         self.pairs[unit.pair].trainings.push(training);
     }

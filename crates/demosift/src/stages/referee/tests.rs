@@ -249,7 +249,7 @@ fn what_the_referee_is_to_do_is_written_as_it_is_read() {
     }
 }
 
-/// Pools of trainings, one a pair: the same scores for all, but for what a pair is better by.
+/// Pools of trainings, one per pair: the same scores for all, but for what a pair is better by.
 fn pools(candidates: &[Candidate], draw: Draw, better_by: impl Fn(Side, Rule) -> Score) -> Vec<Trained> {
     let mut rng = Seed::new(11).into_rng();
     let drawn: Vec<Score> = (0..POOL).map(|_| draw(&mut rng)).collect();

@@ -25,7 +25,7 @@ pub struct Episode<'a> {
     pub keep_states: bool,
 }
 
-/// What came of an episode.
+/// The result of an episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rollout {
     /// τ.

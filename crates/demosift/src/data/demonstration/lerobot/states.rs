@@ -39,7 +39,7 @@ fn read_logs(path: &Path) -> Result<Option<Vec<StateLog>>> {
         let (qvel, velocities) = table.doubles(QVEL)?;
         let indices = table.integers("episode_index")?;
         if qpos.len() != indices.len() * positions || qvel.len() != indices.len() * velocities {
-            return Err(Error::bad_input("the states are not one a row").at(file));
+            return Err(Error::bad_input("the states are not one per row").at(file));
         }
         for (row, &index) in indices.iter().enumerate() {
             if last != Some(index) {
