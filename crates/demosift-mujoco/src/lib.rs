@@ -94,3 +94,8 @@ pub mod registry;
 pub mod replay;
 pub mod task;
 mod tasks;
+
+/// The version of the MuJoCo library that this program found when it started, such as `3.17.0`.
+pub fn mujoco_version() -> &'static str {
+    mujoco_rs::mujoco_version()
+}
