@@ -1,6 +1,6 @@
 //! What holds of the packages: ours can be published, and those that they depend on are as `deny.toml` allows.
 //!
-//! `cargo deny` and `cargo machete` ask the same and more, but to compile them takes longer than all tests.
+//! `cargo deny` and `cargo machete` ask the same and more, but they would have to be compiled first, on each machine.
 //! So the hosted workflow runs them, and these few lines ask in every test run.
 
 use crate::sources::{Source, checkout, read, rust_files};
