@@ -1,7 +1,8 @@
-//! `cargo xtask`: fetches the pinned MuJoCo, then tests, demonstrates or measures demosift.
+//! `cargo xtask`: fetches the pinned MuJoCo, then tests, demonstrates, measures or installs demosift.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a terminal is all it has")]
 
 mod browser;
+mod install;
 mod mujoco;
 mod python;
 mod rendering;
@@ -18,6 +19,9 @@ usage: cargo xtask COMMAND
   test    setup; check format and lints, run all tests
   demo    setup; build, then sift the eight free throws that the repository carries
   bench   setup; measure the learner and the simulator
+  install [--root DIR] [--debug]
+          setup; put the command and its MuJoCo where they work without this checkout: DIR/bin and DIR/lib/demosift;
+          DIR is cargo's own folder if it is not given
   taller  make the taller thrower of Free Throw anew from the thrower";
 
 /// Why a command stopped, and the exit code that says so.
@@ -44,6 +48,7 @@ fn main() -> ExitCode {
         }),
         ["demo"] => set_up(&root).and_then(|()| steps::demo(&root)),
         ["bench"] => set_up(&root).and_then(|()| steps::bench(&root)),
+        ["install", ref rest @ ..] => set_up(&root).and_then(|()| install::install(&root, rest)),
         ["taller"] => taller::write(&root).map_err(Failure::from),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");

@@ -12,33 +12,89 @@ const VERSION: &str = "3.17.0";
 const LIBRARY: &str = "libmujoco.so.3.17.0";
 /// The name that the linker looks for.
 const LINK_NAME: &str = "libmujoco.so";
-/// SHA-256 of the library for Linux on x86-64.
-const LIBRARY_SHA256: &str = "23496b023ee80fb61ab71167e94bc649f9941710fde96b18bb8204fb332523ad";
-const ARCHIVE_URL: &str =
-    "https://github.com/google-deepmind/mujoco/releases/download/3.17.0/mujoco-3.17.0-linux-x86_64.tar.gz";
+const RELEASES: &str = "https://github.com/google-deepmind/mujoco/releases";
 /// Set by `.cargo/config.toml` unless the user has set it.
 const LINK_DIR_VARIABLE: &str = "MUJOCO_DYNAMIC_LINK_DIR";
 
+/// The library as it is made for one kind of machine.
+struct Build {
+    /// As `std::env::consts` names it.
+    os: &'static str,
+    /// The same.
+    arch: &'static str,
+    /// The platform of the wheel, as pip names it.
+    wheel_platform: &'static str,
+    /// The machine in the name of the release archive.
+    archive_machine: &'static str,
+    /// Of the library.
+    sha256: &'static str,
+}
+
+/// Linux only: elsewhere the binding's renderer wants a window, and demosift does not build.
+const BUILDS: [Build; 2] = [
+    Build {
+        os: "linux",
+        arch: "x86_64",
+        wheel_platform: "manylinux_2_28_x86_64",
+        archive_machine: "linux-x86_64",
+        sha256: "23496b023ee80fb61ab71167e94bc649f9941710fde96b18bb8204fb332523ad",
+    },
+    Build {
+        os: "linux",
+        arch: "aarch64",
+        wheel_platform: "manylinux_2_28_aarch64",
+        archive_machine: "linux-aarch64",
+        sha256: "e2edd0204fb9229f75f332a4fcd1a32345bb9f90651dc0fddfa20ec0670db789",
+    },
+];
+
+impl Build {
+    /// The one for this machine.
+    fn here() -> Result<&'static Self, String> {
+        let fits = |build: &&Self| build.os == std::env::consts::OS && build.arch == std::env::consts::ARCH;
+        BUILDS.iter().find(fits).ok_or_else(other_platform)
+    }
+
+    fn archive_url(&self) -> String {
+        format!("{RELEASES}/download/{VERSION}/mujoco-{VERSION}-{}.tar.gz", self.archive_machine)
+    }
+}
+
 /// Puts the pinned MuJoCo into the checkout's `.mujoco/lib`, unless it is there or the user brought their own.
 pub(crate) fn set_up(root: &Path) -> Result<(), String> {
-    let folder = root.join(".mujoco").join("lib");
-    if let Some(own) = users_own_folder(&folder) {
-        return accept_users_own(&own);
+    let folder = own_folder(root);
+    if let Some(chosen) = users_own_folder(&folder) {
+        return accept_users_own(&chosen);
     }
-    if !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
-        return Err(other_platform());
-    }
+    let build = Build::here()?;
     create_folder(&folder)?;
     let library = folder.join(LIBRARY);
     if library.exists() {
-        check_hash(&library).map_err(|problem| {
+        check_hash(&library, build).map_err(|problem| {
             format!("{problem}\nDelete this file and run the command again to fetch the right one.")
         })?;
     } else {
-        fetch(root, &library)?;
+        fetch(root, &library, build)?;
         println!("MuJoCo {VERSION} is in {}", folder.display());
     }
     link(&folder)
+}
+
+/// Copies the library that [`set_up`] found into a folder, under the name by which programs ask for it.
+pub(crate) fn copy_to(folder: &Path, root: &Path) -> Result<(), String> {
+    let own = own_folder(root);
+    let library = users_own_folder(&own).unwrap_or(own).join(LINK_NAME);
+    create_folder(folder)?;
+    let target = folder.join(LIBRARY);
+    // Under another name first: a program that runs keeps the file that it opened.
+    let whole = folder.join(format!("{LIBRARY}-{}", std::process::id()));
+    fs::copy(&library, &whole)
+        .and_then(|_| fs::rename(&whole, &target))
+        .map_err(|error| format!("cannot copy {} to {}: {error}", library.display(), target.display()))
+}
+
+fn own_folder(root: &Path) -> PathBuf {
+    root.join(".mujoco").join("lib")
 }
 
 /// The folder that the user chose by the environment variable, if it is not the checkout's own.
@@ -67,25 +123,25 @@ fn accept_users_own(folder: &Path) -> Result<(), String> {
 }
 
 /// Tries each source in turn; the library appears under its name only after its hash was right.
-fn fetch(root: &Path, library: &Path) -> Result<(), String> {
+fn fetch(root: &Path, library: &Path, build: &Build) -> Result<(), String> {
     let scratch = root.join(".mujoco").join(format!("download-{}", std::process::id()));
     create_folder(&scratch)?;
     println!("Fetching MuJoCo {VERSION} ...");
-    let outcome = fetch_into(&scratch, library);
+    let outcome = fetch_into(&scratch, library, build);
     // What is left of a download is of no use to anybody, and a folder that stays does no harm.
     let _ = fs::remove_dir_all(&scratch);
     outcome
 }
 
 /// Gets the library into a scratch folder and says where it is.
-type Source = fn(&Path) -> Result<PathBuf, String>;
+type Source = fn(&Path, &Build) -> Result<PathBuf, String>;
 
-fn fetch_into(scratch: &Path, library: &Path) -> Result<(), String> {
+fn fetch_into(scratch: &Path, library: &Path, build: &Build) -> Result<(), String> {
     let sources: [(&str, Source); 2] =
         [("the Python package index", from_wheel), ("the release archive", from_archive)];
     let mut problems = Vec::new();
     for (name, source) in sources {
-        let found = source(scratch).and_then(|found| check_hash(&found).map(|()| found));
+        let found = source(scratch, build).and_then(|found| check_hash(&found, build).map(|()| found));
         match found {
             Ok(found) => {
                 return fs::rename(&found, library)
@@ -94,11 +150,11 @@ fn fetch_into(scratch: &Path, library: &Path) -> Result<(), String> {
             Err(problem) => problems.push(format!("  from {name}: {}", problem.replace('\n', "\n    "))),
         }
     }
-    Err(by_hand(library, &problems))
+    Err(by_hand(library, build, &problems))
 }
 
 /// The library out of the wheel. The wheel is named in full, so that the version of the host's Python does not matter.
-fn from_wheel(scratch: &Path) -> Result<PathBuf, String> {
+fn from_wheel(scratch: &Path, build: &Build) -> Result<PathBuf, String> {
     let python = ["python3", "python"]
         .into_iter()
         .find(|python| run(Command::new(python).arg("--version")).is_ok())
@@ -107,7 +163,7 @@ fn from_wheel(scratch: &Path) -> Result<PathBuf, String> {
     run(Command::new(python)
         .args(["-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-input"])
         .args(["--no-deps", "--only-binary=:all:", "--python-version", "3.11"])
-        .args(["--platform", "manylinux_2_28_x86_64", "--dest"])
+        .args(["--platform", build.wheel_platform, "--dest"])
         .arg(&wheels)
         .arg(format!("mujoco=={VERSION}")))?;
     let wheel = fs::read_dir(&wheels)
@@ -125,12 +181,12 @@ fn from_wheel(scratch: &Path) -> Result<PathBuf, String> {
     Ok(scratch.join(member))
 }
 
-fn from_archive(scratch: &Path) -> Result<PathBuf, String> {
+fn from_archive(scratch: &Path, build: &Build) -> Result<PathBuf, String> {
     let archive = scratch.join("mujoco.tar.gz");
     run(Command::new("curl")
         .args(["--fail", "--location", "--silent", "--show-error", "--connect-timeout", "20", "--output"])
         .arg(&archive)
-        .arg(ARCHIVE_URL))?;
+        .arg(build.archive_url()))?;
     let member = format!("mujoco-{VERSION}/lib/{LIBRARY}");
     run(Command::new("tar").arg("-xzf").arg(&archive).arg("-C").arg(scratch).arg(&member))?;
     Ok(scratch.join(member))
@@ -148,17 +204,18 @@ fn run(command: &mut Command) -> Result<(), String> {
     Err(last.map_or_else(|| format!("{program} failed with {}", output.status), str::to_owned))
 }
 
-fn check_hash(library: &Path) -> Result<(), String> {
+fn check_hash(library: &Path, build: &Build) -> Result<(), String> {
     let bytes = fs::read(library).map_err(|error| format!("cannot read {}: {error}", library.display()))?;
     let found = hex(&Sha256::digest(&bytes));
-    if found == LIBRARY_SHA256 {
+    if found == build.sha256 {
         return Ok(());
     }
     Err(format!(
         "{LIBRARY} is not the one that demosift was tested with\n\
          found    SHA-256 {found}\n\
-         expected SHA-256 {LIBRARY_SHA256}\n\
+         expected SHA-256 {}\n\
          in {}",
+        build.sha256,
         library.display()
     ))
 }
@@ -187,26 +244,29 @@ fn create_folder(folder: &Path) -> Result<(), String> {
         .map_err(|error| format!("cannot make the folder {}: {error}", folder.display()))
 }
 
-fn by_hand(library: &Path, problems: &[String]) -> String {
+fn by_hand(library: &Path, build: &Build, problems: &[String]) -> String {
     format!(
         "MuJoCo {VERSION} could not be fetched\n\
          {}\n\
          \n\
          To do it by hand, get one of these two on a machine that can:\n  \
-         pip download --no-deps --only-binary=:all: --python-version 3.11 --platform manylinux_2_28_x86_64 mujoco=={VERSION}\n  \
-         {ARCHIVE_URL}\n\
+         pip download --no-deps --only-binary=:all: --python-version 3.11 --platform {} mujoco=={VERSION}\n  \
+         {}\n\
          Take {LIBRARY} out of it (a wheel is a zip file), put it here, and run the command again:\n  \
          {}",
         problems.join("\n"),
+        build.wheel_platform,
+        build.archive_url(),
         library.display()
     )
 }
 
 fn other_platform() -> String {
     format!(
-        "the set-up knows Linux on x86-64 only, and this is {} on {}\n\
+        "the set-up knows Linux on x86-64 and on aarch64 only, and this is {} on {}\n\
+         The library needs no MuJoCo and is tested by: cargo test --package demosift\n\
          To do it by hand, get MuJoCo {VERSION}, exactly this version, for your platform from\n  \
-         https://github.com/google-deepmind/mujoco/releases/tag/{VERSION}\n\
+         {RELEASES}/tag/{VERSION}\n\
          set {LINK_DIR_VARIABLE} to the absolute path of the folder that holds its library, and run the command again.",
         std::env::consts::OS,
         std::env::consts::ARCH
@@ -230,9 +290,9 @@ mod tests {
     fn a_wrong_hash_names_both() {
         let path = std::env::temp_dir().join(format!("xtask-wrong-hash-{}", std::process::id()));
         fs::write(&path, b"").unwrap();
-        let message = check_hash(&path).unwrap_err();
+        let message = check_hash(&path, &BUILDS[0]).unwrap_err();
         fs::remove_file(&path).unwrap();
         assert!(message.contains("e3b0c44298fc1c149afbf4c8996fb924"), "{message}");
-        assert!(message.contains(LIBRARY_SHA256), "{message}");
+        assert!(message.contains(BUILDS[0].sha256), "{message}");
     }
 }

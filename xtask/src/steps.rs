@@ -47,7 +47,8 @@ fn free_folder(root: &Path) -> String {
         .expect("the numbers do not end")
 }
 
-fn cargo(root: &Path, arguments: &[&str]) -> Result<(), Failure> {
+/// Runs cargo in the checkout, where everybody sees it.
+pub(crate) fn cargo(root: &Path, arguments: &[&str]) -> Result<(), Failure> {
     // The cargo that runs xtask, so that both use one toolchain.
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let shown = format!("cargo {}", arguments.join(" "));

@@ -1,4 +1,4 @@
-//! The taller thrower of Free Throw, made of the thrower: `tasks/free_throw/thrower.xml` with longer limbs, and a task file.
+//! The taller thrower of Free Throw, made of the thrower: `thrower.xml` with longer limbs, and a task file.
 //!
 //! Every length of the body grows, so its masses grow with the third power and its inertias with the fifth.
 //! Springs, dampers and armatures grow like the inertias, so that the limbs swing back as the shorter ones do.
@@ -13,10 +13,10 @@ use std::path::Path;
 /// How many times as long the limbs are.
 const TALLER: f64 = 1.2;
 
-const THROWER: &str = "tasks/free_throw/thrower.xml";
-const TASK: &str = "tasks/free_throw/task.toml";
-const TALLER_THROWER: &str = "tasks/free_throw/taller_thrower.xml";
-const TALLER_TASK: &str = "tasks/free_throw/taller.toml";
+const THROWER: &str = "crates/demosift-mujoco/tasks/free_throw/thrower.xml";
+const TASK: &str = "crates/demosift-mujoco/tasks/free_throw/task.toml";
+const TALLER_THROWER: &str = "crates/demosift-mujoco/tasks/free_throw/taller_thrower.xml";
+const TALLER_TASK: &str = "crates/demosift-mujoco/tasks/free_throw/taller.toml";
 
 const GENERATED: &str = "Made by `cargo xtask taller`; a test checks that it is still what that makes.";
 

@@ -379,31 +379,3 @@ pub(crate) struct StudyDryRun<'a> {
     pub(crate) notes: &'a [String],
     pub(crate) study_folder: &'a Path,
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn field_of(line: &str) -> Option<&str> {
-        let line = line.strip_prefix("    ")?.trim_start_matches("pub(crate) ");
-        let (name, _) = line.strip_suffix(',')?.split_once(": ")?;
-        let is_of_name =
-            |character: char| character.is_ascii_lowercase() || "_0123456789".contains(character);
-        name.chars().all(is_of_name).then_some(name)
-    }
-
-    /// Read off this file, so that a new field cannot be forgotten.
-    #[test]
-    fn every_field_stands_in_the_document() {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-        let code = std::fs::read_to_string(root.join("src/answers.rs")).unwrap();
-        let document = std::fs::read_to_string(root.join("../../docs/json.md")).unwrap();
-        let (code, _) = code.split_once("#[cfg(test)]").unwrap();
-        let flattened = ["found", "selected", "columns", "column", "forecast"];
-        let fields: Vec<&str> =
-            code.lines().filter_map(field_of).filter(|name| !flattened.contains(name)).collect();
-        assert!(fields.len() > 60, "{fields:?}");
-        let missing: Vec<_> = fields.iter().filter(|name| !document.contains(&format!("`{name}`"))).collect();
-        assert!(missing.is_empty(), "{missing:?}");
-    }
-}

@@ -13,14 +13,14 @@ use demosift::stages::method::Method;
 use demosift::stages::referee::Refereeing;
 use demosift::stages::select::Keep;
 
-use crate::examples;
 use crate::interruption::GoesOn;
+use crate::{examples, version};
 
 pub(crate) use study::{Part, StudyArguments};
 
 /// Which demonstrations should your agent learn from? Finds out by imitating each one.
 #[derive(Debug, Parser)]
-#[command(name = "demosift", version, arg_required_else_help = true, after_help = examples::DEMOSIFT)]
+#[command(name = "demosift", version = version::shown(), arg_required_else_help = true, after_help = examples::DEMOSIFT)]
 pub(crate) struct Demosift {
     #[command(subcommand)]
     pub(crate) command: Command,

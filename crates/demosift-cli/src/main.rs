@@ -20,6 +20,7 @@ mod study_folder;
 mod tables;
 mod task;
 mod terminal;
+mod version;
 mod writing;
 
 use std::process::ExitCode;

@@ -95,3 +95,8 @@ pub mod task;
 mod tasks;
 
 pub use demosift::basics::names;
+
+/// The version of the MuJoCo library that this program found when it started, such as `3.17.0`.
+pub fn mujoco_version() -> &'static str {
+    mujoco_rs::mujoco_version()
+}

@@ -699,8 +699,8 @@ fn velocities_that_are_clipped_are_not_compared_and_no_error() {
 /// One robot under two engines: the same model, whose contacts are softer or rougher, is not another body.
 #[test]
 fn the_same_body_with_other_contacts_is_no_error_and_another_body_is() {
-    let walker = include_str!("../../../tasks/walker2d/walker2d.xml");
-    let text = include_str!("../../../tasks/walker2d/task.toml");
+    let walker = include_str!("../tasks/walker2d/walker2d.xml");
+    let text = include_str!("../tasks/walker2d/task.toml");
     let load = |model: &str| MujocoTask::from_texts(text, &[("walker2d.xml", model)], None).unwrap();
     let (set, states) = record(&load(walker));
     let judged = |model: String| {
@@ -749,8 +749,8 @@ fn a_public_set_of_early_ends_and_clipped_velocities_is_explained() {
     assert_found(&findings, Severity::Fine, "each of these ends where the task ends an episode");
     assert_found(&findings, Severity::Warning, "the same body, and imitating it makes sense");
     assert!(recorded.demonstrations.iter().all(|one| one.typically_missed.unwrap() < 0.1), "{recorded:#?}");
-    let text = include_str!("../../../tasks/walker2d/task.toml").replace(", clip = [-10, 10]", "");
-    let models = [("walker2d.xml", include_str!("../../../tasks/walker2d/walker2d.xml"))];
+    let text = include_str!("../tasks/walker2d/task.toml").replace(", clip = [-10, 10]", "");
+    let models = [("walker2d.xml", include_str!("../tasks/walker2d/walker2d.xml"))];
     let unclipped = MujocoTask::from_texts(&text, &models, None).unwrap();
     let (_, findings) = check::compare(&unclipped, &set, None).unwrap();
     assert_eq!(check::count(&findings, Severity::Error), 0, "{findings:#?}");

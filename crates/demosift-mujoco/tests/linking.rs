@@ -2,5 +2,5 @@
 
 #[test]
 fn the_library_found_at_run_time_is_the_pinned_one() {
-    assert_eq!(mujoco_rs::mujoco_version(), "3.17.0");
+    assert_eq!(demosift_mujoco::mujoco_version(), "3.17.0");
 }

@@ -7,6 +7,7 @@
 
 mod bands;
 mod modules;
+mod packages;
 mod rules;
 mod sources;
 
