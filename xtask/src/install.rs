@@ -80,6 +80,7 @@ fn version_of(command: &Path) -> Result<String, String> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
 
@@ -92,6 +93,13 @@ mod tests {
         for mistake in [["--root"].as_slice(), &["there"], &["--prefix", "there"]] {
             assert_eq!(wanted(mistake), None, "{mistake:?}");
         }
+    }
+
+    /// The command itself does not say where it looks, and beside a checkout it would find that of the checkout.
+    #[test]
+    fn the_command_looks_where_the_library_is_put() {
+        let script = std::fs::read_to_string(crate::checkout().join("crates/demosift-cli/build.rs")).unwrap();
+        assert!(script.contains(&format!("-rpath,$ORIGIN/../{LIBRARY_FOLDER}\"")), "{script}");
     }
 
     /// The order of the Cargo book, "cargo install", under "--root dir".

@@ -3,7 +3,8 @@
 //! The flow: [`registry::load`] finds the two files, [`mujoco_task::MujocoTask`] resolves every name in them once,
 //! and each worker plays on a [`environment::MujocoEnvironment`] of its own.
 //! No algorithm is known here.
-//! Recorded states go the other way: [`replay`] measures them, and [`render`] and [`film`] make them into pictures.
+//! Recorded states go the other way: [`replay`] measures them, and [`pictures::render`] and [`pictures::film`] make them into
+//! pictures.
 //!
 //! # A task of your own
 //!
