@@ -1,7 +1,9 @@
 //! Arguments as typed become a job: everything is read and checked before the run folder is touched.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
+use demosift::basics::ledger::Ledger as _;
 use demosift::data::demonstration::choice;
 use demosift::data::demonstration::{self, DemonstrationSet};
 use demosift::data::trajectory::StateLog;
@@ -102,7 +104,7 @@ impl Job {
         let folder = plan.open_folder(Some(data.clone()), &values, arguments.run.dry_run)?;
         let progress = match arguments.run.dry_run {
             true => Progress::of_bar_only(),
-            false => Progress::new(MetricsFile::open(folder.path())?),
+            false => Progress::new(MetricsFile::of(folder.path())?),
         };
         Ok(Self { set, path, data, left_out, chosen: plan.chosen, values, config, folder, progress })
     }
@@ -121,7 +123,7 @@ impl Job {
             // Whoever interrupts it goes on with the whole.
             interruption::run_is_in(self.folder.path());
             experiment::hand_on(&self.folder, &mut folder, self.chosen.task.specification().variant(goal)?)?;
-            let progress = Progress::new(MetricsFile::open(folder.path())?);
+            let progress = Progress::new(MetricsFile::of(folder.path())?);
             (folder, progress)
         };
         Ok(Self {
@@ -147,10 +149,8 @@ impl Job {
             ledger: &mut self.folder,
             observer: &mut self.progress,
         });
-        let told = self.progress.finish();
-        let outcome = outcome?;
-        told?;
-        Ok(outcome)
+        self.progress.finish();
+        outcome
     }
 
     pub(crate) fn set(&self) -> &DemonstrationSet {
@@ -217,6 +217,11 @@ impl Job {
     /// What the stages cost that the run folder holds, beside the budget of the run's method.
     pub(crate) fn costs(&mut self) -> Result<Costs> {
         self.run(|run| experiment::costs(run))
+    }
+
+    /// Stores what is made of the run's results.
+    pub(crate) fn store(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+        self.folder.store(name, bytes)
     }
 
     pub(crate) fn folder(&self) -> &RunFolder {
@@ -298,6 +303,8 @@ fn identity(chosen: &Chosen, data: Option<Data>) -> Identity {
         task_sha256: chosen.sha256.clone(),
         variant: chosen.variant.clone(),
         data,
+        // Known when it is written down.
+        configuration_sha256: String::new(),
     }
 }
 
@@ -328,21 +335,34 @@ fn check_task(begun: &Identity, chosen: &Chosen) -> Result<()> {
     }
 }
 
-/// `runs/TASK`, or `runs/TASK_VARIANT` for a run about one goal.
+/// `runs/TASK`, or `runs/TASK_VARIANT` for a run about one goal; always within `runs`.
 pub(crate) fn default_folder(task: &str, variant: Option<&str>) -> PathBuf {
-    let mut name = Path::new(task).file_name().unwrap_or(task.as_ref()).to_owned();
+    // Of `.` and `..` only the folder itself knows its name.
+    let absolute = std::fs::canonicalize(task).unwrap_or_else(|_| PathBuf::from(task));
+    let of_path = || absolute.file_name().map(OsStr::to_owned);
+    let mut name = Path::new(task).file_name().map(OsStr::to_owned).or_else(of_path).unwrap_or("task".into());
     if let Some(variant) = variant {
-        name.push(format!("_{variant}"));
+        name.push(format!("_{}", variant.replace(std::path::MAIN_SEPARATOR, "_")));
     }
     Path::new("runs").join(name)
+}
+
+/// More threads than any machine has processors are a slip of the finger, and would be started.
+const MOST_THREADS: usize = 4096;
+
+/// Whether so many threads can be meant.
+pub(crate) fn check_threads(count: usize) -> Result<()> {
+    match count {
+        0 => Err(Error::bad_config("--threads 0: must be at least 1")),
+        1..=MOST_THREADS => Ok(()),
+        _ => Err(Error::bad_config(format!("--threads {count}: must be at most {MOST_THREADS}"))),
+    }
 }
 
 /// Makes all parallel loops use this many threads.
 pub(crate) fn use_threads(count: Option<usize>) -> Result<()> {
     let Some(count) = count else { return Ok(()) };
-    if count == 0 {
-        return Err(Error::bad_config("--threads 0: must be at least 1"));
-    }
+    check_threads(count)?;
     rayon::ThreadPoolBuilder::new()
         .num_threads(count)
         .build_global()

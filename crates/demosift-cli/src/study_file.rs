@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use demosift::basics::files;
 use demosift::data::demonstration::DemonstrationSet;
 use demosift::data::demonstration::episode::{Columns, Format};
 use demosift::data::demonstration::open;
@@ -402,12 +403,10 @@ fn stages(path: &Path) -> Result<Vec<f64>> {
     struct Origins {
         demonstrations: Vec<Origin>,
     }
-    let bytes = std::fs::read(path).map_err(|source| match source.kind() {
-        std::io::ErrorKind::NotFound => {
-            Error::bad_input("the file of the demonstrations' stages does not exist").at(path)
-        }
-        _ => Error::io("cannot read the stages", path, &source),
-    })?;
+    if !path.exists() {
+        return Err(Error::bad_input("the file of the demonstrations' stages does not exist").at(path));
+    }
+    let bytes = files::read(path)?;
     let origins: Origins = serde_json::from_slice(&bytes).map_err(|error| {
         Error::bad_input(format!("this does not say where demonstrations came from: {error}")).at(path)
     })?;

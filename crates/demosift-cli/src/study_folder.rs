@@ -11,7 +11,9 @@ use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::arguments::Part;
 use crate::interruption;
+use crate::lock::{self, Lock};
 use crate::study_file::OpenedSet;
 use crate::writing::undisturbed;
 
@@ -102,6 +104,8 @@ pub(crate) enum Recalled {
 
 pub(crate) struct StudyFolder {
     path: PathBuf,
+    /// That of the part that is made here; other parts may be made by others at the same time.
+    lock: Option<Lock>,
 }
 
 impl StudyFolder {
@@ -113,14 +117,16 @@ impl StudyFolder {
             )
             .at(&path));
         }
-        Ok(Self { path })
+        Ok(Self { path, lock: None })
     }
 
     /// Makes it, where it is not there; from here on an interruption names it.
-    pub(crate) fn begin(&self) -> Result<()> {
+    pub(crate) fn begin(&mut self, part: Option<Part>) -> Result<()> {
         let cells = self.path.join(CELLS);
         fs::create_dir_all(&cells)
             .map_err(|error| Error::io("cannot make the folder of the study", &cells, &error))?;
+        let name = part.map_or(String::new(), |Part { index, of }| format!("_{index}_of_{of}"));
+        self.lock = Some(lock::take(&self.path, &name)?);
         interruption::run_is_in(&self.path);
         Ok(())
     }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use demosift::basics::files;
 use demosift::math::rows::Rows;
 use demosift::world::environment::{Environment, Specification, Task};
 use demosift::world::heuristic::Heuristic;
@@ -177,8 +178,8 @@ impl Task for MujocoTask {
 }
 
 fn read(task_file: &Path) -> Result<String> {
-    std::fs::read_to_string(task_file)
-        .map_err(|error| Error::io("cannot read the task file", task_file, &error))
+    let bytes = files::read(task_file)?;
+    String::from_utf8(bytes).map_err(|_| Error::bad_input("the task file is not text in UTF-8").at(task_file))
 }
 
 fn beside(task_file: &Path, model: &str) -> PathBuf {

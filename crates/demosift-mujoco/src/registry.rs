@@ -113,8 +113,8 @@ pub fn load(name_or_path: &str) -> Result<MujocoTask> {
     )))
 }
 
-/// The files that the user's task at this path is made of: the `task.toml`, its model and what that includes, in order of
-/// their absolute paths.
+/// The files that the user's task at this path is made of: the `task.toml`, its model, and what that includes, attaches and
+/// takes meshes, height fields and textures from, in order of their absolute paths.
 ///
 /// # Errors
 /// As [`load`].

@@ -236,6 +236,7 @@ fn make(
     recording: &Recording,
     folder: &mut RunFolder,
 ) -> Result<(Provenance, Option<Provenance>)> {
+    folder.claim()?;
     let playground = Playground::new(plan.chosen.task.as_ref());
     let seed = Seed::new(recording.seed);
     let stages = stages(&playground, recording, plan, folder)?;
@@ -314,19 +315,18 @@ fn stages(
     folder: &mut RunFolder,
 ) -> Result<Vec<Stage>> {
     if let Some(stages) = Vec::recall(folder, "")? {
+        experiment::forget_checkpoint(folder, demonstrator::STAGE, "");
         return Ok(stages);
     }
     if let Some(source) = &recording.recorded_from {
         return source.stages(&plan.chosen);
     }
     let training = recording.demonstrator.as_ref().expect("a recording has a training or a source");
-    let mut progress = Progress::new(MetricsFile::open(folder.path())?);
+    let mut progress = Progress::new(MetricsFile::of(folder.path())?);
     let seed = Seed::new(recording.seed).of("demonstrator");
     let stages = train(playground, training, &seed, folder, &mut progress);
-    let told = progress.finish();
-    let stages = stages?;
-    told?;
-    Ok(stages)
+    progress.finish();
+    stages
 }
 
 fn train(

@@ -18,6 +18,7 @@ use rustix::time::{ClockId, clock_gettime};
 
 use crate::answers;
 use crate::arguments::{Part, StudyArguments};
+use crate::job;
 use crate::study_file::{self, Opened, OpenedSet};
 use crate::study_folder::{Fingerprint, Recalled, StudyFolder};
 use crate::tables;
@@ -46,7 +47,7 @@ pub(crate) fn run(arguments: &StudyArguments) -> Result<()> {
         return Ok(());
     }
     if !arguments.table {
-        studied.folder.begin()?;
+        studied.folder.begin(arguments.part)?;
         studied.make(&only, arguments.part, threads)?;
     }
     studied.gather()?;
@@ -55,8 +56,7 @@ pub(crate) fn run(arguments: &StudyArguments) -> Result<()> {
 
 fn threads(asked: Option<usize>) -> Result<usize> {
     match asked {
-        Some(0) => Err(Error::bad_config("--threads 0: must be at least 1")),
-        Some(count) => Ok(count),
+        Some(count) => job::check_threads(count).map(|()| count),
         None => Ok(std::thread::available_parallelism().map_or(1, usize::from)),
     }
 }
@@ -301,10 +301,10 @@ fn show_results(arguments: &StudyArguments) -> Result<()> {
             .at(path)
             .with_hint("give the study file, NAME.toml, to make cells"));
     }
-    let bytes = std::fs::read(path).map_err(|source| match source.kind() {
-        std::io::ErrorKind::NotFound => Error::bad_input("the file of results does not exist").at(path),
-        _ => Error::io("cannot read the results", path, &source),
-    })?;
+    if !path.exists() {
+        return Err(Error::bad_input("the file of results does not exist").at(path));
+    }
+    let bytes = files::read(path)?;
     let compact = compact::read(&bytes).map_err(|error| error.at(path))?;
     let summary = summary::summarize(&compact.study, &compact.finished);
     show(&compact, &summary, arguments, None);

@@ -29,7 +29,9 @@ pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
         let padded: Vec<String> = (0..widths.len())
             .map(|column| {
                 let (cell, width) = (&cells[column], widths[column]);
-                if is_number(column) { format!("{cell:>width$}") } else { format!("{cell:<width$}") }
+                // By hand, since a width of `format!` has 16 bits.
+                let room = " ".repeat(width.saturating_sub(cell.chars().count()));
+                if is_number(column) { room + cell } else { cell.clone() + &room }
             })
             .collect();
         format!("  {}", padded.join("   ")).trim_end().to_owned() + "\n"

@@ -4,4 +4,5 @@ pub(crate) mod error;
 pub mod files;
 pub mod ledger;
 pub mod observer;
+pub mod seal;
 pub mod seed;

@@ -72,7 +72,7 @@ use crate::world::policy::PolicyShape;
 use crate::world::rollout::Playground;
 
 use arrows::Arrow;
-pub use checkpointing::Checkpointing;
+pub use checkpointing::{Checkpointing, forget_checkpoint};
 pub(crate) use checkpointing::{begun, stage_name};
 pub use checks::{check, check_demonstrator, check_fits, check_has_weights};
 pub use judging::{
@@ -186,7 +186,7 @@ fn make(run: &mut Run<'_>, wanted: &[Arrow]) -> Result<()> {
             }
         }
     }
-    Ok(())
+    arrows::tidy(run, wanted)
 }
 
 /// The random numbers of the selection by weights.
@@ -197,6 +197,7 @@ pub(crate) fn weighing_seed(config: &Config) -> Seed {
 /// MetaPrior → Weighing: a subset by weights (Algorithm 3), with the trends of the weights.
 pub fn weighing(run: &mut Run<'_>, prior: &MetaPrior) -> Result<Weighing> {
     if let Some(weighing) = Artifact::recall(run.ledger, "")? {
+        forget_checkpoint(run.ledger, subset_selection::STAGE, "");
         return Ok(weighing);
     }
     check_has_weights(run.config.method)?;
@@ -331,6 +332,7 @@ fn learning_curve_with(
         && curve.demos == demos
     {
         // Again, in case that the run was killed between the two.
+        forget_checkpoint(*ledger, imitate::STAGE, part);
         onnx::store_policy(*ledger, part, &curve.best, playground.specification())?;
         return Ok(curve);
     }

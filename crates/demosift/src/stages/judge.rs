@@ -329,7 +329,7 @@ pub fn judge(trial: &Trial<'_>, state: &mut JudgingState, observer: &mut dyn Obs
     let Trial { set, playground, start, inner, judging, .. } = trial;
     let (task, starts_anew) = (playground.specification(), matches!(start, Start::Untrained { .. }));
     let most = Effort::of(set.len(), task, judging, inner, starts_anew).units;
-    observer.on(Event::Started { stage: STAGE, done: state.done(), total: most });
+    observer.on(Event::Started { stage: STAGE, done: state.done(), total: most })?;
     for round in 0..rounds(trial.judging) {
         let units = units(trial, state, round);
         bench.play(&units, state, observer)?;

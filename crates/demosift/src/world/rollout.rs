@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::basics::error::Result;
+use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
 use crate::data::trajectory::{Parts, StateLog, Trajectory};
 use crate::math::rows::Rows;
@@ -105,9 +105,23 @@ fn play_episode(
     let mut environment = playground.borrow()?;
     let played = play_in(environment.as_mut(), playground.specification(), policy, acting, variant, seed);
     playground.give_back(environment);
-    let trajectory = played?;
+    let scored = |trajectory: Trajectory| match playground.score(&trajectory) {
+        score if score.is_finite() => Ok(trajectory),
+        score => Err(Error::diverged(format!("the heuristic of an episode is {score}"))),
+    };
+    let trajectory = played.and_then(scored).map_err(|error| in_task(error, playground.specification()))?;
     playground.steps.fetch_add(trajectory.steps() as u64, Ordering::Relaxed);
     Ok(trajectory)
+}
+
+/// An error of a simulation that ran away, with the task and what finds its cause.
+fn in_task(error: Error, task: &Specification) -> Error {
+    if !error.is_diverged() {
+        return error;
+    }
+    error.during(&format!("playing the task '{}'", task.name)).with_hint(
+        "`demosift task check TASK` tries the task with random actions, and says what in its model is wrong",
+    )
 }
 
 /// The states from which an episode's actions were taken, found by playing them again from the episode's seed.

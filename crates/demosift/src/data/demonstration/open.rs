@@ -232,7 +232,12 @@ fn detect(path: &Path) -> Result<Format> {
         }
         _ => Error::io("cannot read the demonstrations", path, &source),
     })?;
-    if metadata.is_dir() { of_folder(path) } else { of_file(path) }
+    if !metadata.is_dir() {
+        return of_file(path);
+    }
+    // Without the right to look into it, it would seem to hold nothing.
+    fs::read_dir(path).map_err(|source| Error::io("cannot look into the folder", path, &source))?;
+    of_folder(path)
 }
 
 /// The file or folder that the reader of a format takes.

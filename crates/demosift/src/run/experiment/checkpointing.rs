@@ -1,6 +1,6 @@
 //! How a stage of a run is stored: its checkpoints as it goes, its result and what it cost when it is finished.
 
-use crate::basics::error::{Error, Result};
+use crate::basics::error::Result;
 use crate::basics::ledger::Ledger;
 use crate::basics::observer::{Event, Observer, Snapshot};
 use crate::results::artifact::{self, Artifact};
@@ -16,7 +16,6 @@ pub struct Checkpointing<'a> {
     checkpoint: String,
     /// Environment steps of this stage before this process, less those of this process before this stage.
     offset: u64,
-    failed: Option<Error>,
 }
 
 /// A state, behind the environment steps that it took to come there.
@@ -29,6 +28,13 @@ impl Snapshot for Counted<'_> {
         bytes.extend(self.1.to_bytes());
         bytes
     }
+}
+
+/// Forgets the checkpoint of a stage whose result is stored: a kill may have come between the two.
+///
+/// It changes no result, so where it cannot be forgotten, as on a disk that is only read, it may lie there.
+pub fn forget_checkpoint(ledger: &mut dyn Ledger, stage: &str, part: &str) {
+    let _ = ledger.forget(&artifact::checkpoint_name(stage, part));
 }
 
 /// A stage's part as one name.
@@ -60,6 +66,7 @@ impl<'a> Checkpointing<'a> {
         part: &str,
         start: impl FnOnce() -> Result<State>,
     ) -> Result<(State, Self)> {
+        ledger.claim()?;
         let checkpoint = artifact::checkpoint_name(stage, part);
         let (spent, state): (u64, State) = match ledger.recall(&checkpoint)? {
             Some(bytes) => artifact::read_checkpoint(&bytes, &checkpoint)?,
@@ -67,7 +74,7 @@ impl<'a> Checkpointing<'a> {
         };
         let offset = spent.wrapping_sub(playground.steps_taken());
         let stage = stage_name(stage, part);
-        Ok((state, Self { ledger, observer, playground, stage, checkpoint, offset, failed: None }))
+        Ok((state, Self { ledger, observer, playground, stage, checkpoint, offset }))
     }
 
     fn spent(&self) -> u64 {
@@ -83,9 +90,7 @@ impl<'a> Checkpointing<'a> {
     /// The same for a stage that knows what it played: of units side by side, a checkpoint finds some half played.
     pub fn finish_having(self, environment_steps: u64, part: &str, noun: &impl Artifact) -> Result<()> {
         let spent = Spent { environment_steps };
-        if let Some(error) = self.failed {
-            return Err(error);
-        }
+        self.observer.on(Event::Finished { stage: &self.stage })?;
         spent.store(self.ledger, &self.stage)?;
         noun.store(self.ledger, part)?;
         self.ledger.forget(&self.checkpoint)
@@ -93,13 +98,11 @@ impl<'a> Checkpointing<'a> {
 }
 
 impl Observer for Checkpointing<'_> {
-    fn on(&mut self, event: Event<'_>) {
-        if let Event::Checkpoint { state, .. } = &event {
-            let counted = artifact::write_checkpoint(&Counted(self.spent(), *state));
-            if let Err(error) = self.ledger.store(&self.checkpoint, &counted) {
-                self.failed.get_or_insert(error);
-            }
-        }
-        self.observer.on(event);
+    fn on(&mut self, event: Event<'_>) -> Result<()> {
+        let Event::Checkpoint { state, .. } = &event else { return self.observer.on(event) };
+        let counted = artifact::write_checkpoint(&Counted(self.spent(), *state));
+        // In this order: what was measured on the way to a state is not measured again from there.
+        self.observer.on(event)?;
+        self.ledger.store(&self.checkpoint, &counted)
     }
 }

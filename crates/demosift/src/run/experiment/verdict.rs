@@ -35,10 +35,11 @@ pub fn verdict(run: &mut Run<'_>, kept: &[NamedSubset]) -> Result<Verdict> {
     if let Some(verdict) = recalled(run.ledger, &candidates)? {
         return Ok(verdict);
     }
+    run.ledger.claim()?;
     let total = meant_steps(run, &referee::meant(&candidates, &run.config.referee));
     let left = meant_steps(run, &rest(run, &candidates)?);
     let mut done = total - left;
-    run.observer.on(Event::Started { stage: STAGE, done, total });
+    run.observer.on(Event::Started { stage: STAGE, done, total })?;
     let mut contest = Contest::new(candidates, run.config.referee);
     let mut played = 0;
     loop {
@@ -48,11 +49,12 @@ pub fn verdict(run: &mut Run<'_>, kept: &[NamedSubset]) -> Result<Verdict> {
         }
         let curves = train_all(run, contest.candidates(), &units, &mut done)?;
         for (unit, curve) in units.into_iter().zip(&curves) {
-            measured(run.observer, contest.candidates(), unit, curve);
+            measured(run.observer, contest.candidates(), unit, curve)?;
             played += curve.played;
             contest.add(unit, Training::of(curve));
         }
     }
+    run.observer.on(Event::Finished { stage: STAGE })?;
     let verdict = contest.decide(run.playground.task().heuristic().unit());
     store(run, &verdict, played)?;
     Ok(verdict)
@@ -181,11 +183,16 @@ fn train(ground: Ground<'_>, unit: Unit, shared: &Mutex<Shared<'_>>) -> Result<L
     curve.store(shared.ledger, &part)?;
     *shared.done += Effort::of(playground.specification(), &imitation).steps() as usize;
     let done = *shared.done;
-    shared.observer.on(Event::Advanced { stage: STAGE, done });
+    shared.observer.on(Event::Advanced { stage: STAGE, done })?;
     Ok(curve)
 }
 
-fn measured(observer: &mut dyn Observer, candidates: &[Candidate], unit: Unit, curve: &LearningCurve) {
+fn measured(
+    observer: &mut dyn Observer,
+    candidates: &[Candidate],
+    unit: Unit,
+    curve: &LearningCurve,
+) -> Result<()> {
     let part = format!("{}_{}", candidates[unit.candidate].key, imitator_name(unit.imitator).to_lowercase());
     let numbers = [
         ("score", curve.outcome.score),
@@ -194,5 +201,5 @@ fn measured(observer: &mut dyn Observer, candidates: &[Candidate], unit: Unit, c
         ("end", curve.end.score),
     ];
     let iteration = unit.training;
-    observer.on(Event::Measured { stage: STAGE, part: &part, iteration, numbers: &numbers });
+    observer.on(Event::Measured { stage: STAGE, part: &part, iteration, numbers: &numbers })
 }

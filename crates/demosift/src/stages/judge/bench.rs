@@ -40,15 +40,15 @@ impl<'a> Bench<'a> {
     ) -> Result<()> {
         let missing: Vec<Unit> =
             units.iter().filter(|unit| !state.finished.contains_key(unit)).copied().collect();
-        let collecting = Mutex::new(Collecting::new(self.trial.part, units, state, observer));
+        let collecting = Mutex::new(Collecting::new(self.trial.part, units, state, observer)?);
         let played = missing.iter().par_bridge().try_for_each(|unit| {
             let outcome = self.outcome(unit).map_err(|error| error.during(&unit.in_words()))?;
-            collecting.lock().expect("no thread panics while it holds the lock").take(*unit, outcome);
-            Ok(())
+            collecting.lock().expect("no thread panics while it holds the lock").take(*unit, outcome)
         });
         // Also after an error: what is finished need not be done again.
-        collecting.into_inner().expect("no thread panics while it holds the lock").checkpoint();
-        played
+        let kept = collecting.into_inner().expect("no thread panics while it holds the lock").checkpoint();
+        // The first error is the one to tell.
+        played.and(kept)
     }
 
     /// Lines 3 to 11 once; nothing is imitated where the unit is about the agent before.
@@ -134,45 +134,49 @@ impl<'a> Collecting<'a> {
         units: &'a [Unit],
         state: &'a mut JudgingState,
         observer: &'a mut dyn Observer,
-    ) -> Self {
+    ) -> Result<Self> {
         let mut collecting = Self { part, units, told: 0, kept: state.done(), state, observer };
-        collecting.tell();
-        collecting
+        collecting.tell()?;
+        Ok(collecting)
     }
 
-    fn take(&mut self, unit: Unit, outcome: Outcome) {
+    fn take(&mut self, unit: Unit, outcome: Outcome) -> Result<()> {
         self.state.finished.insert(unit, outcome);
-        self.tell();
+        self.tell()?;
         let done = self.state.done();
-        self.observer.on(Event::Advanced { stage: STAGE, done });
+        self.observer.on(Event::Advanced { stage: STAGE, done })?;
         if (done - self.kept) * GROWTH >= self.kept.max(1) {
-            self.checkpoint();
+            self.checkpoint()?;
         }
+        Ok(())
     }
 
-    fn checkpoint(&mut self) {
+    fn checkpoint(&mut self) -> Result<()> {
         if self.state.done() > self.kept {
             self.kept = self.state.done();
-            self.observer.on(Event::Checkpoint { stage: STAGE, part: self.part, state: self.state });
+            self.observer.on(Event::Checkpoint { stage: STAGE, part: self.part, state: self.state })?;
         }
+        Ok(())
     }
 
     /// Passes on the numbers of all units up to the first that is not finished.
-    fn tell(&mut self) {
+    fn tell(&mut self) -> Result<()> {
         while let Some(unit) = self.units.get(self.told) {
-            let Some(outcome) = self.state.finished.get(unit) else { return };
-            report(self.part, unit, outcome, self.observer);
+            let Some(outcome) = self.state.finished.get(unit) else { break };
+            report(self.part, unit, outcome, self.observer)?;
             self.told += 1;
         }
+        Ok(())
     }
 }
 
-fn report(judging: &str, unit: &Unit, outcome: &Outcome, observer: &mut dyn Observer) {
-    let Some(demo) = unit.demo else { return };
+fn report(judging: &str, unit: &Unit, outcome: &Outcome, observer: &mut dyn Observer) -> Result<()> {
+    let Some(demo) = unit.demo else { return Ok(()) };
     let unit = format!("variant {} demonstration {demo} repeat {}", unit.variant.0, unit.repeat);
     let part = if judging.is_empty() { unit } else { format!("{judging} {unit}") };
     for (iteration, update) in outcome.curve.iter().enumerate() {
         let numbers = &update.numbers();
-        observer.on(Event::Measured { stage: STAGE, part: &part, iteration, numbers });
+        observer.on(Event::Measured { stage: STAGE, part: &part, iteration, numbers })?;
     }
+    Ok(())
 }
