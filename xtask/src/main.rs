@@ -18,6 +18,7 @@ usage: cargo xtask COMMAND
   test    setup; check format and lints, run all tests
   demo    setup; build, then sift the eight free throws that the repository carries
   bench   setup; measure the learner and the simulator
+  torture setup; build, then kill, break and crowd runs, with --full for hours
   taller  make the taller thrower of Free Throw anew from the thrower";
 
 /// Why a command stopped, and the exit code that says so.
@@ -44,6 +45,7 @@ fn main() -> ExitCode {
         }),
         ["demo"] => set_up(&root).and_then(|()| steps::demo(&root)),
         ["bench"] => set_up(&root).and_then(|()| steps::bench(&root)),
+        ["torture", ref options @ ..] => set_up(&root).and_then(|()| steps::torture(&root, options)),
         ["taller"] => taller::write(&root).map_err(Failure::from),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");

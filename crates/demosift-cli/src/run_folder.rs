@@ -20,7 +20,7 @@ use crate::lock::{self, Lock};
 use crate::writing::undisturbed;
 
 const RUN: &str = "run.json";
-pub(crate) const RESOLVED: &str = "resolved.toml";
+const RESOLVED: &str = "resolved.toml";
 
 /// What a run depends on besides its configuration; kept in `run.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -125,7 +125,7 @@ pub(crate) fn look_into(folder: &Path, resume: bool) -> Result<Option<Begun>> {
 
 /// What a run was begun with; nothing of it may be changed afterwards, as some results would be of one configuration and some
 /// of another.
-fn read_configuration(folder: &Path, identity: &Identity) -> Result<Table> {
+pub(crate) fn read_configuration(folder: &Path, identity: &Identity) -> Result<Table> {
     let path = folder.join(RESOLVED);
     if files::sha256_of(&files::read(&path)?) != identity.configuration_sha256 {
         return Err(Error::bad_input("the configuration is not the one that the run was begun with")

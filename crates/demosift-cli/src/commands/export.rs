@@ -19,7 +19,6 @@ use serde_json::Value;
 use super::convert;
 use crate::answers::{self, Exported};
 use crate::arguments::{ExportArguments, Form, SetArguments};
-use crate::configuration::Layer;
 use crate::demonstrations::{self, Demonstrations};
 use crate::run_folder::{self, Data, Identity, RunFolder};
 use crate::tables;
@@ -205,15 +204,15 @@ fn add_filter_key(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
 
 /// Every demonstration of a run, with where the numbers come from.
 fn as_json(kept: &Kept) -> Result<Value> {
-    let configuration = Layer::from_file(&kept.folder.path().join(run_folder::RESOLVED))?;
+    let configuration = run_folder::read_configuration(kept.folder.path(), &kept.identity)?;
     Ok(value(&answers::Export {
         demosift: &kept.identity.demosift,
         task: &kept.identity.task,
         task_sha256: kept.identity.task_sha256.as_deref(),
         variant: kept.identity.variant.as_deref(),
         data: &kept.data,
-        seed: configuration.values.get("seed"),
-        configuration: &configuration.values,
+        seed: configuration.get("seed"),
+        configuration: &configuration,
         demonstrations: rows(kept)?,
     }))
 }

@@ -559,6 +559,38 @@ mod tests {
     }
 
     #[test]
+    fn a_flipped_bit_anywhere_is_an_error() {
+        let (prior, checkpoint) = (written(|_| ()), write_checkpoint(&vec![1_u32, 70_000, 3]));
+        for bit in (0..8 * prior.len()).step_by(11) {
+            let mut bytes = prior.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            let error = recalled(&bytes).expect_err("damaged");
+            assert!(error.is_bad_input() && error.to_string().contains(PRIOR), "{bit}: {error}");
+        }
+        for bit in 0..8 * checkpoint.len() {
+            let mut bytes = checkpoint.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            let error = read_checkpoint::<Vec<u32>>(&bytes, "checkpoint").expect_err("damaged");
+            assert!(error.to_string().starts_with("checkpoint ") && error.hint().is_some(), "{bit}: {error}");
+        }
+    }
+
+    /// Written by the version before.
+    #[test]
+    fn a_policy_without_a_checksum_can_still_be_played() {
+        let policy = learner().policy;
+        let bytes = write_policy(&policy);
+        let (header, tensors) = header_and_tensors(&bytes).expect("written just now");
+        let text = std::str::from_utf8(header).expect("JSON");
+        let start = text.find(TENSORS_HEAD).expect("sealed");
+        let end = start + TENSORS_HEAD.len() + seal::DIGITS + 1;
+        let mut before = format!("{}{}", &text[..start], text[end..].trim_end());
+        before += &" ".repeat(before.len().next_multiple_of(HEADER_UNIT) - before.len());
+        let old = [&(before.len() as u64).to_le_bytes()[..], before.as_bytes(), tensors].concat();
+        assert_eq!(read_policy(&old, "policy").expect("readable"), policy);
+    }
+
+    #[test]
     fn tensors_that_do_not_fit_are_told_by_name() {
         let complaint = |change: fn(&mut Vec<Tensor>)| {
             let error = recalled(&written(change)).expect_err("does not fit");

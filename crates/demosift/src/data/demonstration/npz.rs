@@ -243,8 +243,10 @@ fn each<T, const SIZE: usize>(bytes: &[u8], value: impl Fn([u8; SIZE]) -> T) -> 
 }
 
 fn claims_too_much(name: &str, claim: &str, file_len: u64) -> Error {
-    Error::bad_input(format!("'{name}' claims {claim}, more than a file of {file_len} bytes can hold"))
-        .with_hint("the file is damaged or was not copied completely")
+    Error::bad_input(format!(
+        "'{name}' claims {claim}, more than a recording in a file of {file_len} bytes holds"
+    ))
+    .with_hint("the file is damaged or was not copied completely; if it is right, store it without compression")
 }
 
 fn damaged(source: ZipError) -> Error {

@@ -33,6 +33,8 @@ pub const BEST: &str = "best";
 pub fn verdict(run: &mut Run<'_>, kept: &[NamedSubset]) -> Result<Verdict> {
     let candidates = referee::candidates(&run.set.ids(), kept)?;
     if let Some(verdict) = recalled(run.ledger, &candidates)? {
+        // Again, in case that it was changed since.
+        store_best(run, &verdict)?;
         return Ok(verdict);
     }
     run.ledger.claim()?;
@@ -67,6 +69,15 @@ fn recalled(ledger: &dyn Ledger, candidates: &[Candidate]) -> Result<Option<Verd
 
 /// Stores what the trainings cost, the policy to be handed over, and at last the verdict, which says that all is done.
 fn store(run: &mut Run<'_>, verdict: &Verdict, played: u64) -> Result<()> {
+    store_best(run, verdict)?;
+    if played > 0 {
+        Spent { environment_steps: played }.store(run.ledger, STAGE)?;
+    }
+    verdict.store(run.ledger, "")
+}
+
+/// Stores the policy to be handed over, as far as its training is stored.
+fn store_best(run: &mut Run<'_>, verdict: &Verdict) -> Result<()> {
     if let Some((winner, training)) = verdict.winner.zip(verdict.best_training) {
         let pair = &verdict.pairs[winner].trained;
         let part = part(&verdict.candidates[pair.candidate], pair.imitator, training);
@@ -76,10 +87,7 @@ fn store(run: &mut Run<'_>, verdict: &Verdict, played: u64) -> Result<()> {
             onnx::store_policy(run.ledger, BEST, &curve.best, run.playground.specification())?;
         }
     }
-    if played > 0 {
-        Spent { environment_steps: played }.store(run.ledger, STAGE)?;
-    }
-    verdict.store(run.ledger, "")
+    Ok(())
 }
 
 /// Trainings that are still to be made, as far as can be said before they are: those of pairs that will be dropped count.
