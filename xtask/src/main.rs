@@ -2,6 +2,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a terminal is all it has")]
 
 mod browser;
+mod fuzzing;
 mod mujoco;
 mod python;
 mod rendering;
@@ -18,6 +19,7 @@ usage: cargo xtask COMMAND
   test    setup; check format and lints, run all tests
   demo    setup; build, then sift the eight free throws that the repository carries
   bench   setup; measure the learner and the simulator
+  fuzz    run each target of fuzz/ for a minute
   torture setup; build, then kill, break and crowd runs, with --full for hours
   taller  make the taller thrower of Free Throw anew from the thrower";
 
@@ -45,6 +47,7 @@ fn main() -> ExitCode {
         }),
         ["demo"] => set_up(&root).and_then(|()| steps::demo(&root)),
         ["bench"] => set_up(&root).and_then(|()| steps::bench(&root)),
+        ["fuzz"] => fuzzing::run(&root, "60"),
         ["torture", ref options @ ..] => set_up(&root).and_then(|()| steps::torture(&root, options)),
         ["taller"] => taller::write(&root).map_err(Failure::from),
         ["help" | "--help" | "-h"] => {

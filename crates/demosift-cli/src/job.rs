@@ -150,7 +150,12 @@ impl Job {
             observer: &mut self.progress,
         });
         self.progress.finish();
-        outcome
+        // Of a user's own task the fault may be in the model.
+        let of_own = self.chosen.sha256.is_some();
+        outcome.map_err(|error| match error.is_diverged() || error.is_simulation() {
+            true if of_own => error.at(Path::new(&self.chosen.name)),
+            _ => error,
+        })
     }
 
     pub(crate) fn set(&self) -> &DemonstrationSet {

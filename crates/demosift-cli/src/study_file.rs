@@ -215,10 +215,11 @@ pub(crate) fn open(path: &Path, public: Option<&Path>, only: &Only) -> Result<Op
 }
 
 fn read(path: &Path) -> Result<File> {
-    let text = std::fs::read_to_string(path).map_err(|source| match source.kind() {
-        std::io::ErrorKind::NotFound => Error::bad_input("the study file does not exist"),
-        _ => Error::io("cannot read the study", path, &source),
-    })?;
+    if !path.exists() {
+        return Err(Error::bad_input("the study file does not exist"));
+    }
+    let text = String::from_utf8(files::read(path)?)
+        .map_err(|_| Error::bad_input("the study file is not text in UTF-8"))?;
     let wrong = |error: toml::de::Error| {
         Error::bad_config(format!("this is not a study file: {}", error.to_string().trim_end()))
             .with_hint("docs/studies.md has the form of a study file")

@@ -4,7 +4,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use demosift::basics::files;
+use demosift::basics::{files, seal};
 use demosift::run::experiment::Config;
 use demosift::run::study::{Cell, Work};
 use demosift::{Error, Result};
@@ -146,6 +146,9 @@ impl StudyFolder {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Recalled::Nothing),
             Err(error) => return Err(Error::io("cannot read the cell", &path, &error)),
         };
+        let Ok(bytes) = seal::of_json_if_sealed(bytes, "the cell") else {
+            return Ok(Recalled::NotBelieved("a file that was damaged"));
+        };
         Ok(match serde_json::from_slice::<File>(&bytes) {
             Err(_) => Recalled::NotBelieved("a file that cannot be read"),
             Ok(file) if file.cell.work != *work => Recalled::NotBelieved("other work"),
@@ -158,9 +161,7 @@ impl StudyFolder {
 
     pub(crate) fn store(&self, cell: &Cell, fingerprint: Fingerprint) -> Result<()> {
         let path = self.file(&cell.work);
-        let mut bytes = serde_json::to_vec_pretty(&File { fingerprint, cell: cell.clone() })
-            .expect("a cell is plain data");
-        bytes.push(b'\n');
+        let bytes = seal::to_json(&File { fingerprint, cell: cell.clone() });
         undisturbed(|| files::write_atomically(&path, &bytes))
     }
 

@@ -12,7 +12,7 @@ use demosift::{Error, Result};
 /// is listed.
 ///
 /// # Errors
-/// If a file cannot be read.
+/// If a file cannot be read, or need not end.
 pub(crate) fn files_of(model: &Path) -> Result<Vec<PathBuf>> {
     let root = model.parent().unwrap_or(Path::new("")).to_owned();
     let mut found = vec![resolved(model)?];
@@ -37,6 +37,10 @@ pub(crate) fn files_of(model: &Path) -> Result<Vec<PathBuf>> {
         named.extend(files);
         // A folder of one file holds for all that it includes, and of those that include it.
         for candidate in named.iter().flat_map(|name| places(name, &folders)) {
+            if candidate.exists() {
+                // MuJoCo would wait for the end of a pipe.
+                files::check_is_plain(&candidate)?;
+            }
             if candidate.is_file() {
                 let candidate = resolved(&candidate)?;
                 if !found.contains(&candidate) {
@@ -165,6 +169,8 @@ mod tests {
         }
         let found = files_of(&folder.join("task/model.xml")).unwrap();
         let names: Vec<_> = found.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
+        let pipe = std::process::Command::new("mkfifo").arg(folder.join("task/arm.stl")).status().unwrap();
+        assert!(pipe.success() && files_of(&folder.join("task/model.xml")).unwrap_err().is_bad_input());
         assert_eq!(names, ["hand.xml", "skin.png", "arm.stl", "hills.png", "model.xml"]);
         std::fs::remove_dir_all(&folder).unwrap();
     }

@@ -10,6 +10,7 @@ use demosift::world::heuristic::Heuristic;
 use demosift::{Error, Result};
 
 use crate::environment::MujocoEnvironment;
+use crate::include;
 use crate::model::Model;
 use crate::task::blueprint::{Blueprint, resolve};
 use crate::task::reward::RewardShaping;
@@ -29,8 +30,14 @@ impl MujocoTask {
     /// If a file is missing or wrong; says what, and what would have been right.
     pub fn from_file(path: &Path) -> Result<Self> {
         let text = read(path)?;
-        Self::build(&text, |model| Model::from_file(&beside(path, model)), None)
-            .map_err(|error| error.at(path))
+        let load = |model: &str| {
+            let model = beside(path, model);
+            if model.is_file() {
+                include::files_of(&model)?;
+            }
+            Model::from_file(&model)
+        };
+        Self::build(&text, load, None).map_err(|error| error.at(path))
     }
 
     /// The model that a `task.toml` names.

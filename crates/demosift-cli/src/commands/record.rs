@@ -5,6 +5,7 @@ mod source;
 use std::path::Path;
 
 use demosift::basics::ledger::Ledger as _;
+use demosift::basics::seal;
 use demosift::basics::seed::Seed;
 use demosift::data::demonstration::d4rl::{self, Episode, States};
 use demosift::data::demonstration::episode::RECORDED;
@@ -225,7 +226,7 @@ fn foresee(
 /// A set's provenance, if the set is whole.
 fn recall(folder: &RunFolder, name: &str) -> Result<Option<Provenance>> {
     let Some(bytes) = folder.recall(name)? else { return Ok(None) };
-    serde_json::from_slice(&bytes)
+    serde_json::from_slice(&seal::of_json(&bytes, name)?)
         .map(Some)
         .map_err(|error| Error::bad_input(format!("{name} cannot be read: {error}")))
 }
@@ -301,9 +302,7 @@ impl Provenance {
     }
 
     fn store(&self, folder: &mut RunFolder, name: &str) -> Result<()> {
-        let mut json = serde_json::to_vec_pretty(self).expect("names and numbers are JSON");
-        json.push(b'\n');
-        folder.store(name, &json)
+        folder.store(name, &seal::to_json(self))
     }
 }
 

@@ -257,6 +257,14 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_cell_may_be_longer_than_a_width_of_the_formatter() {
+        let long = "m".repeat(70_000);
+        let rows = vec![vec![long.clone(), "1".to_owned()], vec!["x".to_owned(), "20".to_owned()]];
+        let shown = table(&["name", "steps"], &rows);
+        assert!(shown.contains(&format!("  {long}       1\n")), "{}", &shown[..100]);
+    }
+
+    #[test]
     fn words_stand_left_and_numbers_right() {
         let rows = [["1", "kept", "-0.5"], ["10", "-", "+12.25"]].map(|row| row.map(str::to_owned).to_vec());
         let wanted = "  rank   kept     gain\n     1   kept     -0.5\n    10   -      +12.25\n";

@@ -69,6 +69,14 @@ pub fn of_json(bytes: &[u8], name: &str) -> Result<Vec<u8>> {
     Ok([b"{\n", &bytes[JSON_HEAD.len() + DIGITS + JSON_TAIL.len()..]].concat())
 }
 
+/// The same for JSON that may have been written before there were checksums.
+///
+/// # Errors
+/// As those of [`check`], where the JSON is sealed.
+pub fn of_json_if_sealed(bytes: Vec<u8>, name: &str) -> Result<Vec<u8>> {
+    if bytes.starts_with(JSON_HEAD) { of_json(&bytes, name) } else { Ok(bytes) }
+}
+
 fn digest(bytes: &[u8], place: usize) -> String {
     let hash = Sha256::new().chain_update(&bytes[..place]).chain_update(OPEN);
     files::hexadecimal(&hash.chain_update(&bytes[place + DIGITS..]).finalize())

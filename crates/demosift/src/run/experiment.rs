@@ -50,7 +50,7 @@ mod verdict;
 
 use serde::{Deserialize, Serialize};
 
-use crate::basics::error::Result;
+use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::basics::observer::Observer;
 use crate::basics::seed::Seed;
@@ -189,6 +189,18 @@ fn make(run: &mut Run<'_>, wanted: &[Arrow]) -> Result<()> {
     arrows::tidy(run, wanted)
 }
 
+/// Whether all that a stored result names are demonstrations of the set.
+fn check_known(set: &DemonstrationSet, demos: impl IntoIterator<Item = DemoId>, what: &str) -> Result<()> {
+    match demos.into_iter().find(|demo| !set.holds(*demo)) {
+        None => Ok(()),
+        Some(demo) => Err(Error::bad_input(format!(
+            "{what} name demonstration {demo}, which is not of the set of {} demonstrations",
+            set.len()
+        ))
+        .with_hint("the run folder holds files of another run; run it anew with another folder for --out")),
+    }
+}
+
 /// The random numbers of the selection by weights.
 pub(crate) fn weighing_seed(config: &Config) -> Seed {
     Seed::new(config.seed).of(subset_selection::STAGE)
@@ -198,6 +210,7 @@ pub(crate) fn weighing_seed(config: &Config) -> Seed {
 pub fn weighing(run: &mut Run<'_>, prior: &MetaPrior) -> Result<Weighing> {
     if let Some(weighing) = Artifact::recall(run.ledger, "")? {
         forget_checkpoint(run.ledger, subset_selection::STAGE, "");
+        check_known(run.set, weighing.demos.iter().copied(), "weights.json")?;
         return Ok(weighing);
     }
     check_has_weights(run.config.method)?;

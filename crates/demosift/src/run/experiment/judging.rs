@@ -1,6 +1,6 @@
 //! DemonstrationSet → MetaPrior → ScoreTable → Panel: each judge that is asked, and what they say together.
 
-use super::{Checkpointing, Config, Run, arrows, cut, forget_checkpoint, make, stage_name};
+use super::{Checkpointing, Config, Run, arrows, check_known, cut, forget_checkpoint, make, stage_name};
 use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::basics::seed::Seed;
@@ -110,6 +110,8 @@ pub(crate) fn cloning_update(config: &Config) -> InnerUpdate {
 /// DemonstrationSet → ScoreTable, by one judge; that of the paper learns its prior first.
 pub fn scores(run: &mut Run<'_>, judge: Judge) -> Result<ScoreTable> {
     if let Some(Judged { scores, .. }) = Artifact::recall(run.ledger, judge.name())? {
+        let demos = scores.suitabilities.iter().map(|of| of.demo);
+        check_known(run.set, demos, &format!("the scores of the judge {}", judge.name()))?;
         return Ok(scores);
     }
     match judge {
