@@ -58,5 +58,9 @@ pub(crate) fn run(root: &Path, seconds: &str) -> Result<(), Failure> {
 fn done(command: &mut Command) -> Result<(), Failure> {
     let shown = format!("{command:?}");
     let status = command.status().map_err(|error| format!("cannot run {shown}: {error}"))?;
-    if status.success() { Ok(()) } else { Err(Failure { message: format!("error: {shown} failed"), code: 1 }) }
+    if status.success() {
+        Ok(())
+    } else {
+        Err(Failure { message: format!("error: {shown} failed"), code: 1 })
+    }
 }

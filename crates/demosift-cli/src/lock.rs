@@ -314,8 +314,7 @@ mod tests {
     fn that_of_a_process_which_lives_or_of_another_host_is_told_with_both() {
         let folder = scratch("busy");
         let mut child = std::process::Command::new("sleep").arg("60").spawn().unwrap();
-        let alive =
-            Holder { process: child.id(), began: began(child.id()).unwrap(), ..Holder::me() };
+        let alive = Holder { process: child.id(), began: began(child.id()).unwrap(), ..Holder::me() };
         let elsewhere = Holder { host: "lab7".to_owned(), ..gone() };
         for holder in [alive, elsewhere] {
             put_by(&folder, &holder);

@@ -150,7 +150,9 @@ fn measured(folder: &Path) -> Result<Option<Measured>> {
         _ => files::read(&path)?,
     };
     let damaged = |error: Error| {
-        Error::bad_input(error.message()).at(&path).with_hint("delete it; the measurements are then taken as they are")
+        Error::bad_input(error.message())
+            .at(&path)
+            .with_hint("delete it; the measurements are then taken as they are")
     };
     let json = seal::of_json(&bytes, MEASURED).map_err(damaged)?;
     let unread = |error| Error::bad_input(format!("this is no {MEASURED}: {error}")).at(&path);
@@ -180,9 +182,9 @@ fn row_of(line: &str) -> Option<(Row, Value)> {
 }
 
 fn unreadable(line: &str, path: &Path) -> Error {
-    Error::bad_input(format!("a line of the metrics is not one of ours: {line}")).at(path).with_hint(format!(
-        "delete the file and {MEASURED}; it is written again as far as the run goes on"
-    ))
+    Error::bad_input(format!("a line of the metrics is not one of ours: {line}"))
+        .at(path)
+        .with_hint(format!("delete the file and {MEASURED}; it is written again as far as the run goes on"))
 }
 
 #[cfg(test)]

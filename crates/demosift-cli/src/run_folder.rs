@@ -130,7 +130,9 @@ pub(crate) fn read_configuration(folder: &Path, identity: &Identity) -> Result<T
     if files::sha256_of(&files::read(&path)?) != identity.configuration_sha256 {
         return Err(Error::bad_input("the configuration is not the one that the run was begun with")
             .at(&path)
-            .with_hint("take back the change, or begin another run with it: --config FILE --out OTHER_FOLDER"));
+            .with_hint(
+                "take back the change, or begin another run with it: --config FILE --out OTHER_FOLDER",
+            ));
     }
     Ok(configuration::Layer::from_file(&path)?.values)
 }

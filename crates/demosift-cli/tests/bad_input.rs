@@ -514,7 +514,8 @@ fn a_full_disk() {
     let whole = scratch.succeed(&format!("judge set {}", TASK.replace("--out run", "--out other")));
     for (kilobytes, noun, left) in [(0, "resolved.toml", 0), (8, "checkpoint_judge_cloning.bin", 2)] {
         let _ = std::fs::remove_dir_all(scratch.0.join("run"));
-        let output = scratch.within(&format!("trap '' XFSZ; ulimit -f {kilobytes}"), &format!("judge set {TASK}"));
+        let output =
+            scratch.within(&format!("trap '' XFSZ; ulimit -f {kilobytes}"), &format!("judge set {TASK}"));
         let said = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(2), "{said}");
         for part in ["cannot write", noun, "raise the limit of the size of files"] {

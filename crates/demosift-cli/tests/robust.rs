@@ -45,7 +45,10 @@ fn a_flipped_bit_is_never_used() {
         if output.status.success() {
             assert_eq!(String::from_utf8(output.stdout).unwrap(), said, "{name}");
             let now = fs::read(scratch.0.join("run").join(name)).unwrap();
-            assert!(now == *bytes || unread.iter().any(|start| name.starts_with(start)), "{name} stays damaged");
+            assert!(
+                now == *bytes || unread.iter().any(|start| name.starts_with(start)),
+                "{name} stays damaged"
+            );
         } else {
             complaint(&output, &[name, "hint: "]);
         }
@@ -149,7 +152,9 @@ fn a_configuration_or_measurements_that_were_changed_are_told() {
 fn a_demonstration_that_is_not_of_the_set() {
     let scratch = Scratch::new("ids");
     scratch.succeed(&format!("select set {TASK} --out run"));
-    support::rewritten(&scratch.0.join("run/ranking.json"), |ranking| ranking["entries"][0]["demo"] = 99.into());
+    support::rewritten(&scratch.0.join("run/ranking.json"), |ranking| {
+        ranking["entries"][0]["demo"] = 99.into()
+    });
     for form in ["csv", "json"] {
         let wanted = ["names demonstration 99", "0 to 3", "hint: "];
         complaint(&scratch.run(&format!("export run --as {form}")), &wanted);
@@ -185,15 +190,19 @@ fn of_two_runs_that_begin_at_once_one_is_done() {
     let job = format!("judge set {TASK}");
     scratch.succeed(&format!("{job} --out whole"));
     for _ in 0..4 {
-        let start =
-            || scratch.command(&format!("{job} --out run")).stderr(Stdio::piped()).stdout(Stdio::null()).spawn();
+        let start = || {
+            scratch.command(&format!("{job} --out run")).stderr(Stdio::piped()).stdout(Stdio::null()).spawn()
+        };
         let children = [start().unwrap(), start().unwrap()];
         let ended = children.map(|child| child.wait_with_output().unwrap());
         let done = ended.iter().filter(|output| output.status.success()).count();
         assert_eq!(done, 1, "{ended:?}");
         for told in ended.iter().filter(|output| !output.status.success()) {
             let said = complaint(told, &["hint: "]);
-            assert!(said.contains("another command writes") || said.contains("holds a run already"), "{said}");
+            assert!(
+                said.contains("another command writes") || said.contains("holds a run already"),
+                "{said}"
+            );
         }
         assert_same_files(&scratch.files("whole"), &scratch.files("run"));
         fs::remove_dir_all(scratch.0.join("run")).unwrap();
@@ -237,8 +246,13 @@ fn nothing_is_written_through_a_link() {
     scratch.succeed(&format!("sift set {TASK} --out run"));
     let victim = scratch.0.join("victim");
     fs::write(&victim, "mine").unwrap();
-    for name in ["events.out.tfevents.demosift", "metrics.jsonl", "report.html", "ranking.json", ".report.html.partial"]
-    {
+    for name in [
+        "events.out.tfevents.demosift",
+        "metrics.jsonl",
+        "report.html",
+        "ranking.json",
+        ".report.html.partial",
+    ] {
         let link = scratch.0.join("run").join(name);
         let _ = fs::remove_file(&link);
         symlink(&victim, &link).unwrap();
@@ -267,7 +281,9 @@ fn what_is_the_users_stays() {
 #[test]
 fn results_that_could_not_be_shown_are_no_success() {
     let scratch = Scratch::new("shown");
-    for arguments in ["tasks", "tasks --json", "inspect set", "inspect set --json", "completions bash", "--help"] {
+    for arguments in
+        ["tasks", "tasks --json", "inspect set", "inspect set --json", "completions bash", "--help"]
+    {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         let output = scratch.command(arguments).stdout(full).stderr(Stdio::piped()).output().unwrap();
         complaint(&output, &["cannot write", "standard output"]);

@@ -62,7 +62,8 @@ fn places(name: &str, folders: &[PathBuf]) -> Vec<PathBuf> {
 
 /// Whether a file may name others, as models do and meshes do not.
 fn is_model(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ["xml", "mjcf", "urdf"].iter().any(|known| ending.eq_ignore_ascii_case(known)))
+    path.extension()
+        .is_some_and(|ending| ["xml", "mjcf", "urdf"].iter().any(|known| ending.eq_ignore_ascii_case(known)))
 }
 
 /// One name for each file, so that none is listed twice.
@@ -111,7 +112,8 @@ fn attributes(text: &str) -> Vec<(&str, &str)> {
             continue;
         }
         // Behind the name of the element come attributes, each with its value in quotes, in which a `>` is a letter.
-        rest = rest.trim_start_matches(|letter: char| !letter.is_whitespace() && letter != '>' && letter != '<');
+        rest =
+            rest.trim_start_matches(|letter: char| !letter.is_whitespace() && letter != '>' && letter != '<');
         while let Some((key, value, behind)) = attribute(rest) {
             found.push((key, value));
             rest = behind;

@@ -68,13 +68,15 @@ pub(crate) enum Point {
 /// MuJoCo's reason against a model, with what most often is the cause.
 fn rejected(said: &str) -> Error {
     let error = Error::bad_input(format!("MuJoCo rejects the model: {said}"));
-    if said.contains("opening file") || said.contains("Error opening") || said.contains("not found in asset") {
+    if said.contains("opening file") || said.contains("Error opening") || said.contains("not found in asset")
+    {
         error.with_hint(
             "the model names a file that is not there: meshes lie in the folder that <compiler meshdir=\"...\"/> names, textures in \
              texturedir, relative to the model; copy the folder of assets, too",
         )
     } else if said.contains("plugin") {
-        error.with_hint("plugins of MuJoCo are not loaded; wanted a model without them, or with them replaced")
+        error
+            .with_hint("plugins of MuJoCo are not loaded; wanted a model without them, or with them replaced")
     } else {
         error
     }

@@ -246,9 +246,21 @@ fn each_mistake_is_named_with_what_would_have_been_right() {
         ),
         ("[heuristic]", "[return]\nof = 'x'\n[heuristic]", &["unknown key `of`", "`measurement`"]),
         ("cart.xml", "card.xml", &["no model file is called 'card.xml'", "cart.xml"]),
-        ("of = \"x\"", "of = \"x\"\notherwise = nan", &["heuristic.otherwise = NaN: must be a finite number"]),
-        ("of = \"x\"", "of = \"x\"\notherwise = -inf", &["heuristic.otherwise = -inf: must be a finite number"]),
-        ("of = \"x\"", "of = \"x\"\notherwise = -1e308", &["heuristic.otherwise = -1e308: must be from -1e30"]),
+        (
+            "of = \"x\"",
+            "of = \"x\"\notherwise = nan",
+            &["heuristic.otherwise = NaN: must be a finite number"],
+        ),
+        (
+            "of = \"x\"",
+            "of = \"x\"\notherwise = -inf",
+            &["heuristic.otherwise = -inf: must be a finite number"],
+        ),
+        (
+            "of = \"x\"",
+            "of = \"x\"\notherwise = -1e308",
+            &["heuristic.otherwise = -1e308: must be from -1e30"],
+        ),
         (
             "of = \"x\"",
             "of = \"x\"\notherwise = 0\nwhen = [{ measurement = 'x', above = nan }]",
@@ -269,9 +281,10 @@ fn each_mistake_is_named_with_what_would_have_been_right() {
 /// The time of the model goes forward, in steps that an agent can follow.
 #[test]
 fn a_step_of_no_time_or_of_minutes_is_refused() {
-    for (timestep, wanted) in
-        [("-0.01", "timestep is -0.01 s, and must be above 0"), ("40", "a control step takes 80 s (frame_skip 2")]
-    {
+    for (timestep, wanted) in [
+        ("-0.01", "timestep is -0.01 s, and must be above 0"),
+        ("40", "a control step takes 80 s (frame_skip 2"),
+    ] {
         let model = MODEL.replace("<mujoco>", &format!("<mujoco><option timestep=\"{timestep}\"/>"));
         let error = load(TASK, &model).err().unwrap();
         assert!(error.is_bad_config() && error.to_string().contains(wanted), "{error}");
@@ -291,7 +304,8 @@ fn a_goal_that_no_folder_can_be_called_like_is_refused() {
 /// All that MuJoCo says, however long the path, and what most often is the cause.
 #[test]
 fn a_mesh_that_is_not_there_is_named_whole() {
-    let folder = std::env::temp_dir().join(format!("demosift-mesh-{}-{}", "long".repeat(30), std::process::id()));
+    let folder =
+        std::env::temp_dir().join(format!("demosift-mesh-{}-{}", "long".repeat(30), std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     std::fs::write(folder.join("task.toml"), TASK).unwrap();
     let model = MODEL.replace("<worldbody>", "<asset><mesh name='m' file='shin.stl'/></asset><worldbody>");

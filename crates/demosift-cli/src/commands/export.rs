@@ -125,7 +125,9 @@ fn check_known(ids: &[DemoId], set: &DemonstrationSet, run: &Path) -> Result<()>
             tables::range_of(set)
         ))
         .at(run)
-        .with_hint("its files are of another run, or were changed; run it anew with another folder for --out")),
+        .with_hint(
+            "its files are of another run, or were changed; run it anew with another folder for --out",
+        )),
     }
 }
 

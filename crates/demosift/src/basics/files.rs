@@ -99,9 +99,8 @@ pub fn write_folder(folder: &Path, contents: &[(&str, Vec<u8>)]) -> Result<()> {
         fs::remove_dir_all(&partial)
             .map_err(|source| Error::io("cannot remove what is left of a write", &partial, &source))?;
     }
-    let written = fill(&partial, contents).and_then(|()| {
-        fs::rename(&partial, folder).map_err(|source| cannot_write(folder, &source))
-    });
+    let written = fill(&partial, contents)
+        .and_then(|()| fs::rename(&partial, folder).map_err(|source| cannot_write(folder, &source)));
     if written.is_err() {
         // The first error is the one to tell.
         let _ = fs::remove_dir_all(&partial);

@@ -266,7 +266,8 @@ fn read_binary<T: DeserializeOwned>(bytes: &[u8], name: &str) -> Result<T> {
         .ok_or_else(|| Error::bad_input(format!("{name} is cut short: {} bytes", bytes.len())))?;
     check_version(u32::from_le_bytes(*version), FORMAT_VERSION, name)?;
     seal::check(bytes, Some(version.len()), name)?;
-    postcard::from_bytes(&state[seal::DIGITS..]).map_err(|error| Error::bad_input(format!("{name} cannot be read: {error}")))
+    postcard::from_bytes(&state[seal::DIGITS..])
+        .map_err(|error| Error::bad_input(format!("{name} cannot be read: {error}")))
 }
 
 struct Tensor {

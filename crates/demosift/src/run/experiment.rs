@@ -208,7 +208,7 @@ pub(crate) fn weighing_seed(config: &Config) -> Seed {
 
 /// MetaPrior → Weighing: a subset by weights (Algorithm 3), with the trends of the weights.
 pub fn weighing(run: &mut Run<'_>, prior: &MetaPrior) -> Result<Weighing> {
-    if let Some(weighing) = Artifact::recall(run.ledger, "")? {
+    if let Some(weighing) = Weighing::recall(run.ledger, "")? {
         forget_checkpoint(run.ledger, subset_selection::STAGE, "");
         check_known(run.set, weighing.demos.iter().copied(), "weights.json")?;
         return Ok(weighing);

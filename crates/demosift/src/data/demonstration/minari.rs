@@ -153,7 +153,8 @@ fn leaves(group: &Group, path: &str, deepest: usize, found: &mut Vec<String>) ->
 /// `is_bad_input` if it does; says what is missing or how to go on.
 pub(super) fn check_storage(data: &Path) -> Result<()> {
     let file = data.join(METADATA);
-    let stored: Option<Stored> = files::read(&file).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    let stored: Option<Stored> =
+        files::read(&file).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
     match stored.and_then(|stored| stored.data_format).as_deref() {
         Some("hdf5") => Err(Error::bad_input(format!(
             "{METADATA} says that the episodes are in main_data.hdf5, and that is missing"

@@ -69,7 +69,8 @@ impl Demonstration {
         for (what, rows) in [("observation", observations), ("action", actions)] {
             if let Some((step, column)) = rows.first_not_finite() {
                 let value = rows.row(step)[column];
-                let beyond = if value.is_infinite() { " (or is beyond 3.4e38, the largest of 32 bits)" } else { "" };
+                let beyond =
+                    if value.is_infinite() { " (or is beyond 3.4e38, the largest of 32 bits)" } else { "" };
                 return Err(Error::bad_input(format!(
                     "{what} {column} at step {step} is {value}{beyond}, and must be a finite number"
                 )));

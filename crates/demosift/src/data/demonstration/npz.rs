@@ -246,7 +246,9 @@ fn claims_too_much(name: &str, claim: &str, file_len: u64) -> Error {
     Error::bad_input(format!(
         "'{name}' claims {claim}, more than a recording in a file of {file_len} bytes holds"
     ))
-    .with_hint("the file is damaged or was not copied completely; if it is right, store it without compression")
+    .with_hint(
+        "the file is damaged or was not copied completely; if it is right, store it without compression",
+    )
 }
 
 fn damaged(source: ZipError) -> Error {

@@ -196,7 +196,9 @@ mod tests {
         judged(&mut ledger, &mut Silent).0.expect("judges");
         let name = artifact::checkpoint_name("judge", "paper");
         let prior = artifact::checkpoint_name("meta_train", "");
-        [&name, &prior].map(|name| ledger.store(name, b"left").expect("memory"));
+        for name in [&name, &prior] {
+            ledger.store(name, b"left").expect("memory");
+        }
         let (set, task) = (planted_set(&[0.0, 90.0], Seed::new(1)).expect("a valid set"), PointMass::new());
         let (playground, mut config) = (Playground::new(&task), tiny());
         config.judges = crate::results::panel::Judges::Paper;
