@@ -69,9 +69,9 @@ class Torture:
             file.write(TINY)
         self.must(RECORD.split())
         start = time.time()
-        self.said = self.must(JOB.split() + ["--out", "whole"]).stdout.replace(b"whole", b"RUN")
+        self.said = self.must(JOB.split() + ["--out", "run_whole"]).stdout.replace(b"run_whole", b"RUN")
         self.secs = time.time() - start
-        self.whole = self.tree("whole")
+        self.whole = self.tree("run_whole")
         print(f"the job takes {self.secs:.1f} s and leaves {len(self.whole)} files", flush=True)
 
     def start(self, arguments, before=(), threads=1):
@@ -140,11 +140,11 @@ class Torture:
         for kind, wanted in [("SIGKILL", 500 if self.full else 12), ("Ctrl-C", 200 if self.full else 6)]:
             test, done = f"{kind} at random times", 0
             while done < wanted:
-                self.fresh("killed")
+                self.fresh("run_killed")
                 of_this_run = 0
                 while of_this_run < 30 and done < wanted:
                     threads = self.random.choice([1, 2])
-                    child = self.start(JOB.split() + ["--out", "killed", "--resume"], threads=threads)
+                    child = self.start(JOB.split() + ["--out", "run_killed", "--resume"], threads=threads)
                     try:
                         child.communicate(timeout=0.02 + self.secs * self.random.random() * 0.4)
                         break
@@ -162,13 +162,13 @@ class Torture:
                     self.count(test, "killed")
                     if kind != "SIGKILL" and child.returncode not in (130, 143):
                         self.count(test, f"code {child.returncode}", True)
-                self.goes_on(test, "killed", f"after {of_this_run} kills", self.random.choice([1, 2]))
+                self.goes_on(test, "run_killed", f"after {of_this_run} kills", self.random.choice([1, 2]))
 
     def injected(self, call, fault, number):
         trace = self.path("trace")
         before = ["strace", "-f", "-o", trace, "-e", f"trace={call}", "-e", f"inject={call}:{fault}:when={number}"]
-        self.fresh("injected")
-        done = self.run(JOB.split() + ["--out", "injected"], before)
+        self.fresh("run_injected")
+        done = self.run(JOB.split() + ["--out", "run_injected"], before)
         with open(trace, errors="replace") as file:
             text = file.read()
         return done if "INJECTED" in text or "killed by SIGKILL" in text else None
@@ -176,8 +176,8 @@ class Torture:
     def points(self, call):
         """How often the job makes a call, and which of those are tried."""
         trace = self.path("trace")
-        self.fresh("injected")
-        self.run(JOB.split() + ["--out", "injected"], ["strace", "-f", "-o", trace, "-e", f"trace={call}"])
+        self.fresh("run_injected")
+        self.run(JOB.split() + ["--out", "run_injected"], ["strace", "-f", "-o", trace, "-e", f"trace={call}"])
         with open(trace, errors="replace") as file:
             total = sum(1 for line in file if f" {call}(" in line or f"{call}(" in line.split(" ", 1)[-1])
         points = range(1, total + 1)
@@ -191,7 +191,7 @@ class Torture:
             for number in self.points(call):
                 if self.injected(call, "signal=KILL", number) is None:
                     break
-                self.goes_on(test, "injected", f"call {number}")
+                self.goes_on(test, "run_injected", f"call {number}")
 
     # An error of the disk at each call that changes it.
     def errors(self):
@@ -208,7 +208,7 @@ class Torture:
                         continue
                     # The trace may be of a write to a pipe, which the job does not depend on.
                     self.count(test, "told" if done.returncode else "not noticed")
-                    self.goes_on(test, "injected", f"call {number}: {done.returncode} {said[:200]!r}")
+                    self.goes_on(test, "run_injected", f"call {number}: {done.returncode} {said[:200]!r}")
 
     def damaged(self, bytes_, name):
         damaged = bytearray(bytes_)
@@ -228,7 +228,7 @@ class Torture:
 
     # Flipped bits, cuts and other numbers, in the files of a finished and of an unfinished run.
     def corruption(self):
-        snapshots = ["whole"]
+        snapshots = ["run_whole"]
         for checkpoint in ["checkpoint_judge_cloning.bin", "checkpoint_meta_train.bin", "checkpoint_judge_paper.bin"]:
             for _ in range(40):
                 self.fresh("begun")
@@ -255,22 +255,22 @@ class Torture:
             if damaged == was:
                 continue
             done += 1
-            self.fresh("damaged", like)
-            with open(self.path("damaged", name), "wb") as file:
+            self.fresh("run_damaged", like)
+            with open(self.path("run_damaged", name), "wb") as file:
                 file.write(damaged)
-            after = self.run(JOB.split() + ["--out", "damaged", "--resume"])
+            after = self.run(JOB.split() + ["--out", "run_damaged", "--resume"])
             said = after.stderr.decode(errors="replace")
-            test = "damaged, unfinished run" if like != "whole" else "damaged, finished run"
+            test = "damaged, unfinished run" if like != "run_whole" else "damaged, finished run"
             what = f"{like}/{name}, {what}: {said[:300]}"
             if after.returncode is None or after.returncode == 101 or after.returncode < 0:
                 self.count(test, "a panic, a signal or a hang", True, what)
             elif after.returncode:
                 names_it = os.path.basename(name) in said
                 self.count(test, "told with the file" if names_it else "told without the file", not names_it, what)
-            elif after.stdout.replace(b"damaged", b"RUN") != self.said:
+            elif after.stdout.replace(b"run_damaged", b"RUN") != self.said:
                 self.count(test, "used", True, what)
             else:
-                differing = self.differing("damaged")
+                differing = self.differing("run_damaged")
                 outcome = "made again" if not differing else "lies there unused"
                 # What no step reads again is told by whoever reads it: the prior, and policies by `play` and `export`.
                 self.count(test, outcome, bool(differing) and differing != [name], f"{what} {differing}")
@@ -279,12 +279,12 @@ class Torture:
     def crowds(self):
         for number in range(40 if self.full else 6):
             test = "two at once"
-            self.fresh("crowd")
-            first = self.start(JOB.split() + ["--out", "crowd"])
+            self.fresh("run_crowd")
+            first = self.start(JOB.split() + ["--out", "run_crowd"])
             if number % 2:
                 time.sleep(self.secs * self.random.random() * 0.5)
             resume = ["--resume"] if number % 2 else []
-            second = self.start(JOB.split() + ["--out", "crowd", *resume])
+            second = self.start(JOB.split() + ["--out", "run_crowd", *resume])
             told = [child.communicate()[1].decode(errors="replace") for child in (first, second)]
             codes = [first.returncode, second.returncode]
             busy = [said for said, code in zip(told, codes) if code]
@@ -294,7 +294,7 @@ class Torture:
                 self.count(test, "neither is done, or no clear word", True, f"{codes} {told}")
                 continue
             self.count(test, "one is told" if busy else "one after the other")
-            self.goes_on(test, "crowd", f"{codes} {told}")
+            self.goes_on(test, "run_crowd", f"{codes} {told}")
 
     def table(self):
         lines = ["| test | outcome | times |", "|---|---|---|"]

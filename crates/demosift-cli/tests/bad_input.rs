@@ -295,7 +295,7 @@ fn demonstrators_that_are_none_or_do_not_fit() {
 
     let whole = std::fs::read(scratch.0.join("trained/stages.bin")).unwrap();
     std::fs::write(scratch.0.join("trained/stages.bin"), &whole[..whole.len() / 2]).unwrap();
-    refuses(&scratch, &format!("{record} --demonstrator trained"), &["stages.bin cannot be read", "trained"]);
+    refuses(&scratch, &format!("{record} --demonstrator trained"), &["stages.bin is not as it was written", "trained"]);
     std::fs::write(scratch.0.join("trained/stages.bin"), [9, 0, 0, 0]).unwrap();
     refuses(&scratch, &format!("{record} --demonstrator trained"), &["stages.bin has format version 9"]);
 
@@ -523,7 +523,8 @@ fn a_full_disk() {
         }
         assert_eq!(said.matches("error: ").count(), 1, "{said}");
         let files = scratch.files("run");
-        assert!(!files.contains_key(noun), "{noun} is half-written");
+        // A checkpoint of before may stand there, whole.
+        assert!(left > 0 || !files.contains_key(noun), "{noun} is half-written");
         assert!(!files.keys().any(|name| name.ends_with(".partial")), "{:?}", files.keys());
         let made = files.keys().filter(|name| ["resolved.toml", "run.json"].contains(&name.as_str())).count();
         assert_eq!(made, left, "{:?}", files.keys());
