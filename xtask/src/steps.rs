@@ -39,6 +39,22 @@ pub(crate) fn bench(root: &Path) -> Result<(), Failure> {
     BENCH.iter().try_for_each(|arguments| cargo(root, arguments))
 }
 
+/// Builds the command and tries to make it lose or misuse something, which `xtask/torture/torture.py` describes.
+pub(crate) fn torture(root: &Path, options: &[&str]) -> Result<(), Failure> {
+    cargo(root, &["build", "--package", "demosift-cli"])?;
+    let script = ["xtask/torture/torture.py", "target/debug/demosift"];
+    let status = Command::new("python3")
+        .args(script)
+        .args(options)
+        .current_dir(root)
+        .status()
+        .map_err(|error| format!("cannot run python3: {error}"))?;
+    match status.success() {
+        true => Ok(()),
+        false => Err(Failure { message: "error: the torture found failures".to_owned(), code: 1 }),
+    }
+}
+
 /// The first of `runs/demo`, `runs/demo-2`, `runs/demo-3` … that does not exist: no run is written over.
 fn free_folder(root: &Path) -> String {
     std::iter::once(DEMO_OUT.to_owned())

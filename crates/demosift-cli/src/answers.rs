@@ -266,7 +266,8 @@ pub(crate) struct DryRun<'a> {
 #[derive(Serialize)]
 pub(crate) struct ReportMade<'a> {
     pub(crate) report: &'a Report,
-    pub(crate) page: &'a Path,
+    /// None where it could not be written.
+    pub(crate) page: Option<&'a Path>,
 }
 
 /// `demosift record`

@@ -4,6 +4,7 @@
 
 use std::path::Path;
 
+use demosift::basics::files;
 use demosift::run::preset::Preset;
 use demosift::{Error, Result};
 use serde::de::DeserializeOwned;
@@ -46,12 +47,11 @@ impl Layer {
 
     /// A file that the user wrote.
     pub(crate) fn from_file(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|source| match source.kind() {
-            std::io::ErrorKind::NotFound => {
-                Error::bad_input("the configuration file does not exist").at(path)
-            }
-            _ => Error::io("cannot read the configuration", path, &source),
-        })?;
+        if !path.exists() {
+            return Err(Error::bad_input("the configuration file does not exist").at(path));
+        }
+        let text = String::from_utf8(files::read(path)?)
+            .map_err(|_| Error::bad_input("the configuration is not text in UTF-8").at(path))?;
         Self::from_text(&path.display().to_string(), &text)
     }
 

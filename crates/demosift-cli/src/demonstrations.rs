@@ -33,10 +33,16 @@ impl Demonstrations {
     /// What a run depends on.
     pub(crate) fn data(&self) -> Result<Data> {
         let format = self.source.format;
+        let path = std::fs::canonicalize(&self.path)
+            .map_err(|error| Error::io("cannot find", &self.path, &error))?;
+        if path.to_str().is_none() {
+            return Err(Error::bad_input("the path is not UTF-8, and a run cannot write it down")
+                .at(&path)
+                .with_hint("rename it, or give a link to it that has another name"));
+        }
         Ok(Data {
             sha256: open::sha256(&self.source, &self.path)?,
-            path: std::fs::canonicalize(&self.path)
-                .map_err(|error| Error::io("cannot find", &self.path, &error))?,
+            path,
             format: Some(format),
             columns: self.source.columns.clone(),
             choice: self.choice.clone(),

@@ -3,13 +3,14 @@
 //! The file is nothing but those rows written another way. When a run goes on it is made to hold them all, whatever a
 //! kill left of it, so that nothing is missing and nothing doubled, and a run of before there was such a file gets it.
 
-use std::fs::{File, OpenOptions};
-use std::io::{ErrorKind, Write as _};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use demosift::results::tensorboard;
 use demosift::{Error, Result};
 use serde_json::Value;
+
+use crate::writing::{grow, open_to_grow};
 
 /// TensorBoard looks for `tfevents` in the name.
 const NAME: &str = "events.out.tfevents.demosift";
@@ -18,6 +19,8 @@ const NAME: &str = "events.out.tfevents.demosift";
 pub(crate) struct EventFile {
     path: PathBuf,
     file: File,
+    /// Bytes in the file.
+    length: u64,
     /// Measurements in the file.
     held: usize,
 }
@@ -27,25 +30,20 @@ impl EventFile {
     /// may be reading it.
     pub(crate) fn open(folder: &Path, rows: &[Value]) -> Result<Self> {
         let path = folder.join(NAME);
-        let failed = |source: std::io::Error| Error::io("cannot open the events", &path, &source);
-        let found = match std::fs::read(&path) {
-            Ok(bytes) => bytes,
-            Err(error) if error.kind() == ErrorKind::NotFound => Vec::new(),
-            Err(error) => return Err(failed(error)),
-        };
+        let (mut file, found) = open_to_grow(&path)?;
         let records = rows.iter().enumerate().flat_map(|(place, row)| record(place, row));
         let wanted: Vec<u8> = tensorboard::first_record().into_iter().chain(records).collect();
         let right = found.iter().zip(&wanted).take_while(|(found, wanted)| found == wanted).count();
-        let mut file = OpenOptions::new().create(true).append(true).open(&path).map_err(failed)?;
-        file.set_len(right as u64).and_then(|()| file.write_all(&wanted[right..])).map_err(failed)?;
-        Ok(Self { path, file, held: rows.len() })
+        file.set_len(right as u64).map_err(|error| Error::io("cannot cut the events", &path, &error))?;
+        grow(&mut file, &path, right as u64, &wanted[right..])?;
+        Ok(Self { path, file, length: wanted.len() as u64, held: rows.len() })
     }
 
     /// Appends a row.
     pub(crate) fn append(&mut self, row: &Value) -> Result<()> {
-        self.file
-            .write_all(&record(self.held, row))
-            .map_err(|source| Error::io("cannot write the events", &self.path, &source))?;
+        let record = record(self.held, row);
+        grow(&mut self.file, &self.path, self.length, &record)?;
+        self.length += record.len() as u64;
         self.held += 1;
         Ok(())
     }

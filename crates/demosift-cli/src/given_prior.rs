@@ -12,8 +12,8 @@ use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};
 use toml::Table;
 
-use crate::configuration::{self, Layer};
-use crate::run_folder::{self, Identity, RESOLVED, RunFolder};
+use crate::configuration;
+use crate::run_folder::{self, Identity, RunFolder};
 use crate::task::Chosen;
 
 /// The file of a run that holds its prior.
@@ -47,7 +47,7 @@ impl GivenPrior {
     /// Looks into the folder of a run without touching it.
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let (identity, folder) = run_folder::of_finished(path)?;
-        let values = Layer::from_file(&path.join(RESOLVED))?.values;
+        let values = run_folder::read_configuration(path, &identity)?;
         let config: Config = configuration::typed(values.clone()).map_err(|error| error.at(path))?;
         let (Some(prior), Some(bytes)) =
             (MetaPrior::recall(&folder, "").map_err(|error| error.at(path))?, folder.recall(PRIOR)?)

@@ -16,7 +16,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use signal_hook::{flag, low_level};
 
-use crate::{terminal, writing};
+use crate::{lock as locks, terminal, writing};
 
 /// The run folder, once there is one.
 static FOLDER: Mutex<Option<PathBuf>> = Mutex::new(None);
@@ -69,6 +69,7 @@ fn stop(signal: i32, goes_on: GoesOn) {
         }
         _ => terminal::say_stopped_only(),
     }
+    locks::give_all_back();
     // Not through destructors: other threads still work on what these would take away.
     low_level::exit(SIGNALED + signal);
 }

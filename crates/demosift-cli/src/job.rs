@@ -1,5 +1,6 @@
 //! Arguments as typed become a job: everything is read and checked before the run folder is touched.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use demosift::basics::ledger::Ledger;
@@ -78,7 +79,7 @@ impl Job {
         demonstrations.check(&Playground::new(plan.chosen.task.as_ref()), &config)?;
         let mut job = Self::of_plan(plan, demonstrations, values, config, arguments.run.dry_run)?;
         match arguments.run.dry_run {
-            true => job.lent = Some(given.folder.clone()),
+            true => job.lent = Some(run_folder::of_finished(&given.origin.run)?.1),
             false => experiment::hand_on_prior(&given.folder, &mut job.folder)?,
         }
         Ok(job)
@@ -136,7 +137,7 @@ impl Job {
         let folder = plan.open_folder(Some(data.clone()), &values, dry)?;
         let progress = match dry {
             true => Progress::of_bar_only(),
-            false => Progress::new(MetricsFile::open(folder.path())?),
+            false => Progress::new(MetricsFile::of(folder.path())?),
         };
         let chosen = plan.chosen;
         Ok(Self { set, path, data, left_out, chosen, values, config, folder, progress, lent: None })
@@ -156,7 +157,7 @@ impl Job {
             // Whoever interrupts it goes on with the whole.
             interruption::run_is_in(self.folder.path());
             experiment::hand_on(&self.folder, &mut folder, self.chosen.task.specification().variant(goal)?)?;
-            let progress = Progress::new(MetricsFile::open(folder.path())?);
+            let progress = Progress::new(MetricsFile::of(folder.path())?);
             (folder, progress)
         };
         Ok(Self {
@@ -184,10 +185,13 @@ impl Job {
             ledger: &mut ledger,
             observer: &mut self.progress,
         });
-        let told = self.progress.finish();
-        let outcome = outcome?;
-        told?;
-        Ok(outcome)
+        self.progress.finish();
+        // Of a user's own task the fault may be in the model.
+        let of_own = self.chosen.sha256.is_some();
+        outcome.map_err(|error| match error.is_diverged() || error.is_simulation() {
+            true if of_own => error.at(Path::new(&self.chosen.name)),
+            _ => error,
+        })
     }
 
     pub(crate) fn set(&self) -> &DemonstrationSet {
@@ -256,6 +260,11 @@ impl Job {
         self.run(|run| experiment::costs(run))
     }
 
+    /// Stores what is made of the run's results.
+    pub(crate) fn store(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+        self.folder.store(name, bytes)
+    }
+
     pub(crate) fn folder(&self) -> &RunFolder {
         &self.folder
     }
@@ -268,6 +277,10 @@ struct Lent<'a> {
 }
 
 impl Ledger for Lent<'_> {
+    fn claim(&mut self) -> Result<()> {
+        self.own.claim()
+    }
+
     fn recall(&self, name: &str) -> Result<Option<Vec<u8>>> {
         match (self.own.recall(name)?, self.lent) {
             (None, Some(lent)) if name == given_prior::PRIOR => lent.recall(name),
@@ -395,6 +408,8 @@ fn identity(chosen: &Chosen, data: Option<Data>, prior: Option<given_prior::Orig
         variant: chosen.variant.clone(),
         data,
         prior,
+        // Known when it is written down.
+        configuration_sha256: String::new(),
     }
 }
 
@@ -425,21 +440,34 @@ fn check_task(begun: &Identity, chosen: &Chosen) -> Result<()> {
     }
 }
 
-/// `runs/TASK`, or `runs/TASK_VARIANT` for a run about one goal.
+/// `runs/TASK`, or `runs/TASK_VARIANT` for a run about one goal; always within `runs`.
 pub(crate) fn default_folder(task: &str, variant: Option<&str>) -> PathBuf {
-    let mut name = Path::new(task).file_name().unwrap_or(task.as_ref()).to_owned();
+    // Of `.` and `..` only the folder itself knows its name.
+    let absolute = std::fs::canonicalize(task).unwrap_or_else(|_| PathBuf::from(task));
+    let of_path = || absolute.file_name().map(OsStr::to_owned);
+    let mut name = Path::new(task).file_name().map(OsStr::to_owned).or_else(of_path).unwrap_or("task".into());
     if let Some(variant) = variant {
-        name.push(format!("_{variant}"));
+        name.push(format!("_{}", variant.replace(std::path::MAIN_SEPARATOR, "_")));
     }
     Path::new("runs").join(name)
+}
+
+/// More threads than any machine has processors are a slip of the finger, and would be started.
+const MOST_THREADS: usize = 4096;
+
+/// Whether so many threads can be meant.
+pub(crate) fn check_threads(count: usize) -> Result<()> {
+    match count {
+        0 => Err(Error::bad_config("--threads 0: must be at least 1")),
+        1..=MOST_THREADS => Ok(()),
+        _ => Err(Error::bad_config(format!("--threads {count}: must be at most {MOST_THREADS}"))),
+    }
 }
 
 /// Makes all parallel loops use this many threads.
 pub(crate) fn use_threads(count: Option<usize>) -> Result<()> {
     let Some(count) = count else { return Ok(()) };
-    if count == 0 {
-        return Err(Error::bad_config("--threads 0: must be at least 1"));
-    }
+    check_threads(count)?;
     rayon::ThreadPoolBuilder::new()
         .num_threads(count)
         .build_global()

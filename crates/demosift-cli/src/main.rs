@@ -10,6 +10,7 @@ mod examples;
 mod given_prior;
 mod interruption;
 mod job;
+mod lock;
 mod metrics_file;
 mod own_heuristic;
 mod picture_folder;
@@ -38,19 +39,23 @@ fn main() -> ExitCode {
         Ok(typed) => typed,
         Err(error) => {
             // Help and version are asked for, everything else is a mistake; clap knows where each is printed.
-            // A reader that has gone away has seen enough.
-            let _ = error.print();
-            return ExitCode::from(if error.use_stderr() { USER_MISTAKE } else { 0 });
+            let printed = error.print().or_else(|source| terminal::check_shown(&source));
+            return match printed {
+                Ok(()) => ExitCode::from(if error.use_stderr() { USER_MISTAKE } else { 0 }),
+                Err(error) => told(&error),
+            };
         }
     };
     interruption::listen(typed.command.goes_on());
-    match commands::run(typed.command) {
+    match commands::run(typed.command).and_then(|()| terminal::all_shown()) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            terminal::complain(&error);
-            ExitCode::from(exit_code(&error))
-        }
+        Err(error) => told(&error),
     }
+}
+
+fn told(error: &Error) -> ExitCode {
+    terminal::complain(error);
+    ExitCode::from(exit_code(error))
 }
 
 fn exit_code(error: &Error) -> u8 {

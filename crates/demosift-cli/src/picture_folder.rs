@@ -61,7 +61,8 @@ impl PictureFolder {
     /// Lets the folder appear.
     pub(crate) fn finish(self) -> Result<()> {
         fs::rename(&self.partial, &self.path)
-            .map_err(|error| Error::io("cannot make the folder for the pictures", &self.path, &error))
+            .map_err(|error| Error::io("cannot make the folder for the pictures", &self.path, &error))?;
+        files::sync_folder_of(&self.path)
     }
 
     fn make(&self, folder: &Path) -> Result<()> {

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use demosift::basics::files;
 use demosift::basics::ledger::Ledger;
+use demosift::basics::seal;
 use demosift::data::demonstration::choice::Choice;
 use demosift::data::demonstration::episode::{Columns, Format};
 use demosift::results::artifact::FORMAT_VERSION;
@@ -16,10 +17,11 @@ use toml::Table;
 use crate::configuration;
 use crate::given_prior::Origin;
 use crate::interruption;
+use crate::lock::{self, Lock};
 use crate::writing::undisturbed;
 
 const RUN: &str = "run.json";
-pub(crate) const RESOLVED: &str = "resolved.toml";
+const RESOLVED: &str = "resolved.toml";
 
 /// What a run depends on besides its configuration; kept in `run.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,6 +44,9 @@ pub(crate) struct Identity {
     /// The prior that the run was given, if it did not make its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) prior: Option<Origin>,
+    /// Hash of the configuration, which stands in a file of its own.
+    #[serde(default)]
+    pub(crate) configuration_sha256: String,
 }
 
 fn first_format() -> u32 {
@@ -102,7 +107,7 @@ pub(crate) fn look_into(folder: &Path, resume: bool) -> Result<Option<Begun>> {
     names.sort();
     let begun = names.iter().any(|name| name == RUN);
     // A run that was killed while it began leaves these only, and has done nothing yet.
-    let empty = names.iter().all(|name| name == RESOLVED || name.ends_with(".partial"));
+    let empty = names.iter().all(|name| name == RESOLVED || lock::is_one(name) || is_left_over(name));
     match (begun, resume) {
         (false, _) if empty => Ok(None),
         (false, _) => Err(Error::bad_input(format!(
@@ -114,11 +119,26 @@ pub(crate) fn look_into(folder: &Path, resume: bool) -> Result<Option<Begun>> {
         (true, false) => Err(Error::bad_input("the run folder holds a run already")
             .at(folder)
             .with_hint("add --resume to go on with it, or give another folder to --out")),
-        (true, true) => Ok(Some(Begun {
-            identity: read_identity(&folder.join(RUN))?,
-            configuration: configuration::Layer::from_file(&folder.join(RESOLVED))?.values,
-        })),
+        (true, true) => {
+            let identity = read_identity(&folder.join(RUN))?;
+            let configuration = read_configuration(folder, &identity)?;
+            Ok(Some(Begun { identity, configuration }))
+        }
     }
+}
+
+/// What a run was begun with; nothing of it may be changed afterwards, as some results would be of one configuration and some
+/// of another.
+pub(crate) fn read_configuration(folder: &Path, identity: &Identity) -> Result<Table> {
+    let path = folder.join(RESOLVED);
+    if files::sha256_of(&files::read(&path)?) != identity.configuration_sha256 {
+        return Err(Error::bad_input("the configuration is not the one that the run was begun with")
+            .at(&path)
+            .with_hint(
+                "take back the change, or begin another run with it: --config FILE --out OTHER_FOLDER",
+            ));
+    }
+    Ok(configuration::Layer::from_file(&path)?.values)
 }
 
 /// Whether a folder holds a run, of whatever kind.
@@ -140,7 +160,7 @@ pub(crate) fn of_finished(folder: &Path) -> Result<(Identity, RunFolder)> {
             .at(folder)
             .with_hint("give the folder that the run had as --out, or runs/NAME of its task"));
     }
-    Ok((read_identity(&file)?, RunFolder { path: folder.to_owned() }))
+    Ok((read_identity(&file)?, RunFolder::at(folder.to_owned())))
 }
 
 /// The configuration of a run, as it is written down.
@@ -150,30 +170,46 @@ pub(crate) fn resolved(folder: &Path) -> Result<String> {
 }
 
 fn read_identity(path: &Path) -> Result<Identity> {
-    let bytes = fs::read(path).map_err(|error| Error::io("cannot read the run", path, &error))?;
-    let identity: Identity = serde_json::from_slice(&bytes)
-        .map_err(|error| Error::bad_input(format!("this is not the file of a run: {error}")).at(path))?;
-    if identity.format == FORMAT_VERSION {
-        return Ok(identity);
+    let bytes = files::read(path)?;
+    let none = |error| Error::bad_input(format!("this is not the file of a run: {error}")).at(path);
+    let Written { demosift, format } = serde_json::from_slice(&bytes).map_err(none)?;
+    if format != FORMAT_VERSION {
+        return Err(Error::bad_input(format!(
+            "the run is of demosift {demosift}, whose files have format version {format}; this is demosift {}, which \
+             reads format version {FORMAT_VERSION}",
+            env!("CARGO_PKG_VERSION")
+        ))
+        .at(path)
+        .with_hint("run it anew with another folder for --out"));
     }
-    Err(Error::bad_input(format!(
-        "the run is of demosift {}, whose files have format version {}; this is demosift {}, which reads format version \
-         {FORMAT_VERSION}",
-        identity.demosift,
-        identity.format,
-        env!("CARGO_PKG_VERSION")
-    ))
-    .at(path)
-    .with_hint("run it anew with another folder for --out"))
+    let damaged = |error: Error| {
+        Error::bad_input(error.message()).at(path).with_hint("run it anew with another folder for --out")
+    };
+    serde_json::from_slice(&seal::of_json(&bytes, RUN).map_err(damaged)?).map_err(none)
 }
 
-/// Nouns and checkpoints as files of one folder.
-#[derive(Clone, Debug)]
+/// By whom and how a run was written, which later versions can read of every run.
+#[derive(Deserialize)]
+struct Written {
+    demosift: String,
+    #[serde(default = "first_format")]
+    format: u32,
+}
+
+/// Results and checkpoints as files of one folder.
+///
+/// It is locked from the first write on: whoever only reads needs no lock, and no right to write.
+#[derive(Debug)]
 pub(crate) struct RunFolder {
     path: PathBuf,
+    lock: Option<Lock>,
 }
 
 impl RunFolder {
+    fn at(path: PathBuf) -> Self {
+        Self { path, lock: None }
+    }
+
     /// Begins a run, or goes on with the one in the folder if that depends on the same things.
     pub(crate) fn open(
         path: PathBuf,
@@ -182,22 +218,27 @@ impl RunFolder {
         configuration: &Table,
     ) -> Result<Self> {
         if begun.is_some() {
-            let folder = Self::look(path, begun, identity, configuration)?;
-            remove_partial(&folder.path)?;
+            let mut folder = Self::look(path, begun, identity, configuration)?;
             interruption::run_is_in(&folder.path);
+            folder.tidy();
             return Ok(folder);
         }
         fs::create_dir_all(&path).map_err(|error| Error::io("cannot make the run folder", &path, &error))?;
+        let mut folder = Self::at(path);
+        folder.claim()?;
+        // Another command may have begun one since it was looked for.
+        look_into(&folder.path, false)?;
         let text = toml::to_string_pretty(configuration).expect("what was read from TOML is TOML");
-        let mut json = serde_json::to_vec_pretty(identity).expect("names and hashes are JSON");
-        json.push(b'\n');
+        let identity =
+            Identity { configuration_sha256: files::sha256_of(text.as_bytes()), ..identity.clone() };
+        let json = seal::to_json(&identity);
         undisturbed(|| {
-            files::write_atomically(&path.join(RESOLVED), text.as_bytes())?;
+            files::write_atomically(&folder.path.join(RESOLVED), text.as_bytes())?;
             // Last, since it makes the folder a run.
-            files::write_atomically(&path.join(RUN), &json)
+            files::write_atomically(&folder.path.join(RUN), &json)
         })?;
-        interruption::run_is_in(&path);
-        Ok(Self { path })
+        interruption::run_is_in(&folder.path);
+        Ok(folder)
     }
 
     /// The folder of a run that would begin or go on; touches nothing.
@@ -210,7 +251,14 @@ impl RunFolder {
         if let Some(begun) = begun {
             check_same(begun, identity, configuration).map_err(|error| error.at(&path))?;
         }
-        Ok(Self { path })
+        Ok(Self::at(path))
+    }
+
+    /// Takes away the lock of a process that is gone, and what it left; where that cannot be done, nothing depends on it.
+    fn tidy(&mut self) {
+        if lock::is_there(&self.path) && self.claim().is_ok() {
+            self.lock = None;
+        }
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -219,21 +267,40 @@ impl RunFolder {
 }
 
 impl Ledger for RunFolder {
+    fn claim(&mut self) -> Result<()> {
+        if self.lock.is_none() {
+            self.lock = Some(lock::take(&self.path, "")?);
+            remove_left_over(&self.path)?;
+        }
+        Ok(())
+    }
+
     fn recall(&self, name: &str) -> Result<Option<Vec<u8>>> {
         let path = self.path.join(name);
-        match fs::read(&path) {
-            Ok(bytes) => Ok(Some(bytes)),
+        match fs::symlink_metadata(&path) {
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(Error::io("cannot read", &path, &error)),
+            _ => files::read(&path).map(Some),
         }
     }
 
+    /// What is there already is not written again, so that a finished run may lie on a disk that is only read.
     fn store(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
-        undisturbed(|| files::write_atomically(&self.path.join(name), bytes))
+        let path = self.path.join(name);
+        if fs::symlink_metadata(&path).is_ok_and(|found| found.is_file())
+            && fs::read(&path).is_ok_and(|found| found == bytes)
+        {
+            return Ok(());
+        }
+        self.claim()?;
+        undisturbed(|| files::write_atomically(&path, bytes))
     }
 
     fn forget(&mut self, name: &str) -> Result<()> {
         let path = self.path.join(name);
+        if fs::symlink_metadata(&path).is_err_and(|error| error.kind() == ErrorKind::NotFound) {
+            return Ok(());
+        }
+        self.claim()?;
         match undisturbed(|| fs::remove_file(&path)) {
             Err(error) if error.kind() != ErrorKind::NotFound => {
                 Err(Error::io("cannot delete", &path, &error))
@@ -243,18 +310,28 @@ impl Ledger for RunFolder {
     }
 }
 
-/// The files and folders that a killed write left behind.
-fn remove_partial(folder: &Path) -> Result<()> {
+/// Removes what a killed command left behind, and nothing of the user's.
+fn remove_left_over(folder: &Path) -> Result<()> {
     let failed = |error: std::io::Error| Error::io("cannot tidy the run folder", folder, &error);
     for entry in fs::read_dir(folder).map_err(failed)? {
         let entry = entry.map_err(failed)?;
-        if entry.file_name().to_string_lossy().ends_with(".partial") {
-            let path = entry.path();
-            let is_folder = entry.file_type().map_err(failed)?.is_dir();
-            if is_folder { fs::remove_dir_all(path) } else { fs::remove_file(path) }.map_err(failed)?;
+        let (name, path) = (entry.file_name(), entry.path());
+        let name = name.to_string_lossy();
+        match entry.file_type().map_err(failed)?.is_dir() {
+            // Another command may be on its way to the lock, and tries again.
+            true if lock::is_left_over(&name) => drop(fs::remove_dir_all(path)),
+            false if is_left_over(&name) => fs::remove_file(path).map_err(failed)?,
+            _ => {}
         }
     }
     Ok(())
+}
+
+/// Whether a name is that of a write of ours which did not come to its end.
+fn is_left_over(name: &str) -> bool {
+    const KINDS: [&str; 7] = ["json", "toml", "bin", "safetensors", "onnx", "html", "hdf5"];
+    let written = name.strip_prefix('.').and_then(|name| name.strip_suffix(".partial"));
+    written.and_then(|name| name.rsplit_once('.')).is_some_and(|(_, kind)| KINDS.contains(&kind))
 }
 
 /// The task was held against the run's before its goal was looked for, in [`crate::job::Request`].

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use demosift::basics::files;
 use demosift::data::demonstration::DemonstrationSet;
 use demosift::data::demonstration::episode::{Columns, Format};
 use demosift::data::demonstration::open;
@@ -214,10 +215,11 @@ pub(crate) fn open(path: &Path, public: Option<&Path>, only: &Only) -> Result<Op
 }
 
 fn read(path: &Path) -> Result<File> {
-    let text = std::fs::read_to_string(path).map_err(|source| match source.kind() {
-        std::io::ErrorKind::NotFound => Error::bad_input("the study file does not exist"),
-        _ => Error::io("cannot read the study", path, &source),
-    })?;
+    if !path.exists() {
+        return Err(Error::bad_input("the study file does not exist"));
+    }
+    let text = String::from_utf8(files::read(path)?)
+        .map_err(|_| Error::bad_input("the study file is not text in UTF-8"))?;
     let wrong = |error: toml::de::Error| {
         Error::bad_config(format!("this is not a study file: {}", error.to_string().trim_end()))
             .with_hint("docs/studies.md has the form of a study file")
@@ -402,12 +404,10 @@ fn stages(path: &Path) -> Result<Vec<f64>> {
     struct Origins {
         demonstrations: Vec<Origin>,
     }
-    let bytes = std::fs::read(path).map_err(|source| match source.kind() {
-        std::io::ErrorKind::NotFound => {
-            Error::bad_input("the file of the demonstrations' stages does not exist").at(path)
-        }
-        _ => Error::io("cannot read the stages", path, &source),
-    })?;
+    if !path.exists() {
+        return Err(Error::bad_input("the file of the demonstrations' stages does not exist").at(path));
+    }
+    let bytes = files::read(path)?;
     let origins: Origins = serde_json::from_slice(&bytes).map_err(|error| {
         Error::bad_input(format!("this does not say where demonstrations came from: {error}")).at(path)
     })?;

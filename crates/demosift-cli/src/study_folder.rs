@@ -4,12 +4,14 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use demosift::basics::files;
+use demosift::basics::{files, seal};
 use demosift::run::experiment::Config;
 use demosift::run::study::{Cell, Fingerprint, Work, hash_of_entering};
 use demosift::{Error, Result};
 
+use crate::arguments::Part;
 use crate::interruption;
+use crate::lock::{self, Lock};
 use crate::study_file::OpenedSet;
 use crate::writing::undisturbed;
 
@@ -52,6 +54,8 @@ pub(crate) enum Recalled {
 
 pub(crate) struct StudyFolder {
     path: PathBuf,
+    /// That of the part that is made here; other parts may be made by others at the same time.
+    lock: Option<Lock>,
 }
 
 impl StudyFolder {
@@ -63,14 +67,16 @@ impl StudyFolder {
             )
             .at(&path));
         }
-        Ok(Self { path })
+        Ok(Self { path, lock: None })
     }
 
     /// Makes it, where it is not there; from here on an interruption names it.
-    pub(crate) fn begin(&self) -> Result<()> {
+    pub(crate) fn begin(&mut self, part: Option<Part>) -> Result<()> {
         let cells = self.path.join(CELLS);
         fs::create_dir_all(&cells)
             .map_err(|error| Error::io("cannot make the folder of the study", &cells, &error))?;
+        let name = part.map_or(String::new(), |Part { index, of }| format!("_{index}_of_{of}"));
+        self.lock = Some(lock::take(&self.path, &name)?);
         interruption::run_is_in(&self.path);
         Ok(())
     }
@@ -90,6 +96,9 @@ impl StudyFolder {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Recalled::Nothing),
             Err(error) => return Err(Error::io("cannot read the cell", &path, &error)),
         };
+        let Ok(bytes) = seal::of_json_if_sealed(bytes, "the cell") else {
+            return Ok(Recalled::NotBelieved("a file that was damaged"));
+        };
         Ok(match serde_json::from_slice::<Cell>(&bytes) {
             Err(_) => Recalled::NotBelieved("a file that cannot be read"),
             Ok(cell) if cell.work != *work => Recalled::NotBelieved("other work"),
@@ -102,8 +111,7 @@ impl StudyFolder {
 
     pub(crate) fn store(&self, cell: &Cell) -> Result<()> {
         let path = self.file(&cell.work);
-        let mut bytes = serde_json::to_vec_pretty(cell).expect("a cell is plain data");
-        bytes.push(b'\n');
+        let bytes = seal::to_json(cell);
         undisturbed(|| files::write_atomically(&path, &bytes))
     }
 

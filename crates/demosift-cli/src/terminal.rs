@@ -1,6 +1,7 @@
 //! The only place that talks to the terminal: results on standard output, everything else on standard error.
 
-use std::io::Write as _;
+use std::borrow::Cow;
+use std::io::{ErrorKind, Write as _};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -12,38 +13,93 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::metrics_file::MetricsFile;
 
-/// Prints results; a reader that has gone away has seen enough.
+/// The first result that could not be shown, and why.
+static NOT_SHOWN: Mutex<Option<Error>> = Mutex::new(None);
+
+fn not_shown(error: Error) {
+    NOT_SHOWN.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+}
+
+/// Prints results; whether that went well, [`all_shown`] says at the end.
 pub(crate) fn show(text: &str) {
-    let mut out = std::io::stdout().lock();
-    let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    print(tame(text).as_bytes());
 }
 
 /// Prints results as JSON.
 pub(crate) fn show_json(value: &impl serde::Serialize) {
-    let value = serde_json::to_value(value).expect("plain data always serializes");
-    show(&format!("{value:#}\n"));
+    match serde_json::to_value(value) {
+        Ok(value) => print(tame_json(&format!("{value:#}\n")).as_bytes()),
+        Err(error) => not_shown(Error::bad_input(format!("JSON cannot hold the answer: {error}"))),
+    }
+}
+
+fn print(bytes: &[u8]) {
+    let mut out = std::io::stdout().lock();
+    if let Err(source) = out.write_all(bytes).and_then(|()| out.flush()) {
+        check_shown(&source).unwrap_or_else(not_shown);
+    }
+}
+
+/// Whether an error of standard output is none: a reader that has gone away has seen enough.
+///
+/// # Errors
+/// `is_io` for every other one.
+pub(crate) fn check_shown(source: &std::io::Error) -> Result<()> {
+    match source.kind() {
+        ErrorKind::BrokenPipe => Ok(()),
+        _ => Err(Error::io("cannot write", Path::new("standard output"), source)),
+    }
+}
+
+/// Whether all results were shown; a full disk behind `> FILE` must not pass for success.
+///
+/// # Errors
+/// The first that one was not.
+pub(crate) fn all_shown() -> Result<()> {
+    NOT_SHOWN.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), Err)
+}
+
+/// Names come out of files of others, and a terminal obeys some letters: those are shown and not obeyed.
+fn tame(text: &str) -> Cow<'_, str> {
+    tamed(text, |letter| format!("\\u{{{:x}}}", u32::from(letter)))
+}
+
+/// The same in JSON, where such letters only stand within strings.
+pub(crate) fn tame_json(text: &str) -> Cow<'_, str> {
+    tamed(text, |letter| format!("\\u{:04x}", u32::from(letter)))
+}
+
+fn tamed(text: &str, shown: impl Fn(char) -> String) -> Cow<'_, str> {
+    // Letters that turn the direction of writing make a name look like another.
+    let turns = |letter: char| matches!(letter, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    let is_wild = |letter: char| letter.is_control() && !"\n\t".contains(letter) || turns(letter);
+    if !text.contains(is_wild) {
+        return Cow::Borrowed(text);
+    }
+    text.chars().map(|letter| if is_wild(letter) { shown(letter) } else { letter.to_string() }).collect()
 }
 
 /// Says what went wrong, and what could be done about it.
 pub(crate) fn complain(error: &Error) {
     let mut out = std::io::stderr().lock();
-    let _ = writeln!(out, "error: {error}");
+    let _ = writeln!(out, "error: {}", tame(&error.to_string()));
     if let Some(hint) = error.hint() {
-        let _ = writeln!(out, "hint: {hint}");
+        let _ = writeln!(out, "hint: {}", tame(hint));
     }
 }
 
 /// Says what the user should know although nothing went wrong.
 pub(crate) fn note(words: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "note: {words}");
+    let _ = writeln!(std::io::stderr().lock(), "note: {}", tame(words));
 }
 
 /// Says where an interrupted run is, and the command that goes on with it.
 pub(crate) fn say_stopped(folder: &Path, command: &str) {
     clear_bar();
     let mut out = std::io::stderr().lock();
-    let _ = writeln!(out, "stopped: what is finished is kept in the run folder {}", folder.display());
-    let _ = writeln!(out, "hint: go on with: {command}");
+    let folder = folder.display().to_string();
+    let _ = writeln!(out, "stopped: what is finished is kept in the run folder {}", tame(&folder));
+    let _ = writeln!(out, "hint: go on with: {}", tame(command));
 }
 
 /// Says that a command was interrupted which keeps nothing.
@@ -68,7 +124,6 @@ pub(crate) struct Progress {
     /// A look at something measures nothing.
     metrics: Option<MetricsFile>,
     bar: ProgressBar,
-    failed: Option<Error>,
 }
 
 impl Progress {
@@ -78,13 +133,12 @@ impl Progress {
 
     /// Shows the bar and writes nothing down.
     pub(crate) fn of_bar_only() -> Self {
-        Self { metrics: None, bar: ProgressBar::hidden(), failed: None }
+        Self { metrics: None, bar: ProgressBar::hidden() }
     }
 
-    /// Clears the bar; the error is the first that writing the measurements met.
-    pub(crate) fn finish(&mut self) -> Result<()> {
+    /// Clears the bar.
+    pub(crate) fn finish(&mut self) {
         self.bar.finish_and_clear();
-        self.failed.take().map_or(Ok(()), Err)
     }
 
     fn start(&mut self, stage: &str, done: usize, total: usize) {
@@ -101,25 +155,29 @@ impl Progress {
 }
 
 impl Observer for Progress {
-    fn on(&mut self, event: Event<'_>) {
+    fn on(&mut self, event: Event<'_>) -> Result<()> {
         match event {
             Event::Started { stage, done, total } => self.start(stage, done, total),
             Event::Advanced { done, .. } => self.bar.set_position(done as u64),
             Event::Measured { stage, part, iteration, numbers } => {
-                let metrics = self.metrics.as_mut();
-                if let Some(Err(error)) = metrics.map(|file| file.append(stage, part, iteration, numbers)) {
-                    self.failed.get_or_insert(error);
+                if let Some(metrics) = &mut self.metrics {
+                    metrics.append(stage, part, iteration, numbers)?;
                 }
             }
-            Event::Checkpoint { .. } => {}
+            Event::Checkpoint { .. } | Event::Finished { .. } => {
+                if let Some(metrics) = &mut self.metrics {
+                    metrics.settle()?;
+                }
+            }
         }
+        Ok(())
     }
 }
 
 /// Says something on the way, such as what is done anew.
 pub(crate) fn say(words: &str) {
     clear_bar();
-    let _ = writeln!(std::io::stderr().lock(), "{words}");
+    let _ = writeln!(std::io::stderr().lock(), "{}", tame(words));
 }
 
 /// Shows how many cells of a study are made; the bar and the time left go by what each costs.
@@ -167,4 +225,21 @@ fn what(stage: &str) -> String {
         other => other,
     }
     .to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn letters_that_a_terminal_obeys_are_shown() {
+        let wild = "demo_\x1b[31m\x1b]0;owned\x07\u{9b}2J\r\u{202e}_1";
+        assert_eq!(tame(wild), r"demo_\u{1b}[31m\u{1b}]0;owned\u{7}\u{9b}2J\u{d}\u{202e}_1");
+        assert_eq!(tame("rank\tgain ± 0.5\n"), "rank\tgain ± 0.5\n");
+        let json = serde_json::json!({ "name": wild }).to_string();
+        let tamed = tame_json(&json);
+        assert!(!tamed.contains(char::is_control));
+        let back: serde_json::Value = serde_json::from_str(&tamed).unwrap();
+        assert_eq!(back["name"], wild);
+    }
 }

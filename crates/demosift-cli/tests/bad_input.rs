@@ -295,7 +295,11 @@ fn demonstrators_that_are_none_or_do_not_fit() {
 
     let whole = std::fs::read(scratch.0.join("trained/stages.bin")).unwrap();
     std::fs::write(scratch.0.join("trained/stages.bin"), &whole[..whole.len() / 2]).unwrap();
-    refuses(&scratch, &format!("{record} --demonstrator trained"), &["stages.bin cannot be read", "trained"]);
+    refuses(
+        &scratch,
+        &format!("{record} --demonstrator trained"),
+        &["stages.bin is not as it was written", "trained"],
+    );
     std::fs::write(scratch.0.join("trained/stages.bin"), [9, 0, 0, 0]).unwrap();
     refuses(&scratch, &format!("{record} --demonstrator trained"), &["stages.bin has format version 9"]);
 
@@ -342,9 +346,7 @@ fn a_run_folder_of_another_run() {
     refuses(&scratch, &format!("judge other.hdf5 {TASK} --resume"), &["SHA-256 of the demonstrations was"]);
     support::assert_same_files(&before, &scratch.files("run"));
 
-    let run = std::fs::read_to_string(scratch.0.join("run/run.json")).unwrap();
-    let older = run.replace(env!("CARGO_PKG_VERSION"), "0.0.1");
-    std::fs::write(scratch.0.join("run/run.json"), older).unwrap();
+    support::rewritten(&scratch.0.join("run/run.json"), |run| run["demosift"] = "0.0.1".into());
     refuses(&scratch, "judge --out run --resume", &["the version of demosift was 0.0.1"]);
     std::fs::write(scratch.0.join("run/run.json"), "{").unwrap();
     refuses(&scratch, "judge --out run --resume", &["not the file of a run", "run.json"]);
@@ -375,12 +377,14 @@ fn a_run_folder_of_an_earlier_format() {
     let begun = text.find("  \"format\"").unwrap();
     let end = begun + text[begun..].find('\n').unwrap() + 1;
     let earlier = [&text[..begun], &text[end..]].concat().replace(env!("CARGO_PKG_VERSION"), "0.0.9");
-    std::fs::write(&file, earlier).unwrap();
+    // Those carried no checksum.
+    let first = earlier.find("  \"demosift\"").unwrap();
+    std::fs::write(&file, format!("{{\n{}", &earlier[first..])).unwrap();
     let before = scratch.files("run");
     for command in
         ["sift --out run --resume", "report run", "export run --as json", "export run --as onnx --out models"]
     {
-        let version = format!("this is demosift {}, which reads format version 2", env!("CARGO_PKG_VERSION"));
+        let version = format!("this is demosift {}, which reads format version 3", env!("CARGO_PKG_VERSION"));
         let wanted = [
             "the run is of demosift 0.0.9, whose files have format version 1",
             &version,
@@ -506,27 +510,32 @@ fn pictures_that_cannot_be_taken() {
     assert_eq!(left.len(), 3, "{left:?}");
 }
 
-/// The device that is always full stands in for a disk; the bytes of a noun wait under this name.
+/// A limit of the size of files stands in for a disk: what goes beyond it cannot be written.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk() {
     let scratch = Scratch::new("full");
-    for (noun, left) in [("run.json", 1), ("scores_cloning.json", 7)] {
+    let whole = scratch.succeed(&format!("judge set {}", TASK.replace("--out run", "--out other")));
+    for (kilobytes, noun, left) in [(0, "resolved.toml", 0), (8, "checkpoint_judge_cloning.bin", 2)] {
         let _ = std::fs::remove_dir_all(scratch.0.join("run"));
-        std::fs::create_dir(scratch.0.join("run")).unwrap();
-        let waiting = scratch.0.join(format!("run/.{noun}.partial"));
-        std::os::unix::fs::symlink("/dev/full", waiting).unwrap();
-        let said =
-            complaint(&scratch, &format!("judge set {TASK}"), &["cannot write", noun, "free some space"]);
+        let output =
+            scratch.within(&format!("trap '' XFSZ; ulimit -f {kilobytes}"), &format!("judge set {TASK}"));
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        for part in ["cannot write", noun, "raise the limit of the size of files"] {
+            assert!(said.contains(part), "{said} does not say '{part}'");
+        }
         assert_eq!(said.matches("error: ").count(), 1, "{said}");
         let files = scratch.files("run");
-        assert!(!files.contains_key(noun), "{noun} is half-written");
+        // A checkpoint of before may stand there, whole.
+        assert!(left > 0 || !files.contains_key(noun), "{noun} is half-written");
         assert!(!files.keys().any(|name| name.ends_with(".partial")), "{:?}", files.keys());
-        assert_eq!(files.len(), left, "{:?}", files.keys());
+        let made = files.keys().filter(|name| ["resolved.toml", "run.json"].contains(&name.as_str())).count();
+        assert_eq!(made, left, "{:?}", files.keys());
+        assert!(files.get("metrics.jsonl").is_none_or(|lines| lines.ends_with(b"\n")), "a torn line");
     }
     // With space again the run goes on as if nothing had been.
-    scratch.succeed("judge --out run --resume");
-    scratch.succeed("judge set --task point_mass --config tiny.toml --out other");
+    assert_eq!(scratch.succeed("judge --out run --resume").replace("run\n", "other\n"), whole);
     support::assert_same_files(&scratch.files("run"), &scratch.files("other"));
 }
 

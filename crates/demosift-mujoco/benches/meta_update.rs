@@ -160,7 +160,7 @@ impl<'a> Watch<'a> {
 }
 
 impl Observer for Watch<'_> {
-    fn on(&mut self, event: Event<'_>) {
+    fn on(&mut self, event: Event<'_>) -> demosift::Result<()> {
         let (start, physics_secs, steps) = self.since;
         match event {
             Event::Advanced { .. } => self.spans.push(Span {
@@ -170,9 +170,10 @@ impl Observer for Watch<'_> {
             }),
             // An evaluation has just ended: it is no part of an update.
             Event::Measured { stage: imitate::STAGE, .. } | Event::Started { .. } => {}
-            _ => return,
+            _ => return Ok(()),
         }
         self.since = (Instant::now(), self.task.physics_secs(), self.playground.steps_taken());
+        Ok(())
     }
 }
 

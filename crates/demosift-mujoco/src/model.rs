@@ -12,7 +12,7 @@ use mujoco_rs::prelude::{MjModel, MjtIntegrator, MjtJoint, MjtObjBase};
 use mujoco_rs::wrappers::mj_auxiliary::MjVfs;
 
 use crate::names::instead;
-use crate::quiet::quiet;
+use crate::quiet::{complaint, quiet};
 
 /// The largest picture that can be rendered, pixels; MuJoCo wants to know when the model is loaded.
 pub const LARGEST_PICTURE: (usize, usize) = (1920, 1080);
@@ -65,6 +65,23 @@ pub(crate) enum Point {
     Site(usize),
 }
 
+/// MuJoCo's reason against a model, with what most often is the cause.
+fn rejected(said: &str) -> Error {
+    let error = Error::bad_input(format!("MuJoCo rejects the model: {said}"));
+    if said.contains("opening file") || said.contains("Error opening") || said.contains("not found in asset")
+    {
+        error.with_hint(
+            "the model names a file that is not there: meshes lie in the folder that <compiler meshdir=\"...\"/> names, textures in \
+             texturedir, relative to the model; copy the folder of assets, too",
+        )
+    } else if said.contains("plugin") {
+        error
+            .with_hint("plugins of MuJoCo are not loaded; wanted a model without them, or with them replaced")
+    } else {
+        error
+    }
+}
+
 /// What a name can belong to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Kind {
@@ -113,7 +130,10 @@ impl Model {
         if path.to_str().is_none_or(|path| path.contains('\0')) {
             return Err(Error::bad_input("MuJoCo opens only paths that are valid UTF-8").at(path));
         }
-        Self::finish(MjModel::from_xml(path)).map_err(|error| error.at(path))
+        Self::finish(MjModel::from_xml(path)).map_err(|error| match path.to_str().and_then(complaint) {
+            Some(said) => rejected(&said).at(path),
+            None => error.at(path),
+        })
     }
 
     /// Loads the MJCF file `main` out of `files`, pairs of name and text, which may include each other.
@@ -139,8 +159,7 @@ impl Model {
     }
 
     fn finish(loaded: std::result::Result<MjModel, mujoco_rs::error::MjModelError>) -> Result<Self> {
-        let mut model =
-            loaded.map_err(|error| Error::bad_input(format!("MuJoCo rejects the model: {error}")))?;
+        let mut model = loaded.map_err(|error| rejected(&error.to_string()))?;
         let screen = &mut model.vis_mut().global;
         screen.offwidth = screen.offwidth.max(LARGEST_PICTURE.0 as i32);
         screen.offheight = screen.offheight.max(LARGEST_PICTURE.1 as i32);

@@ -3,12 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use demosift::basics::files;
 use demosift::math::rows::Rows;
 use demosift::world::environment::{Specification, Stepped, Task, Worker};
 use demosift::world::heuristic::Heuristic;
 use demosift::{Error, Result};
 
 use crate::environment::MujocoEnvironment;
+use crate::include;
 use crate::model::Model;
 use crate::task::blueprint::{Blueprint, resolve};
 use crate::task::reward::RewardShaping;
@@ -28,8 +30,14 @@ impl MujocoTask {
     /// If a file is missing or wrong; says what, and what would have been right.
     pub fn from_file(path: &Path) -> Result<Self> {
         let text = read(path)?;
-        Self::build(&text, |model| Model::from_file(&beside(path, model)), None)
-            .map_err(|error| error.at(path))
+        let load = |model: &str| {
+            let model = beside(path, model);
+            if model.is_file() {
+                include::files_of(&model)?;
+            }
+            Model::from_file(&model)
+        };
+        Self::build(&text, load, None).map_err(|error| error.at(path))
     }
 
     /// The model that a `task.toml` names.
@@ -177,8 +185,8 @@ impl Task for MujocoTask {
 }
 
 fn read(task_file: &Path) -> Result<String> {
-    std::fs::read_to_string(task_file)
-        .map_err(|error| Error::io("cannot read the task file", task_file, &error))
+    let bytes = files::read(task_file)?;
+    String::from_utf8(bytes).map_err(|_| Error::bad_input("the task file is not text in UTF-8").at(task_file))
 }
 
 fn beside(task_file: &Path, model: &str) -> PathBuf {

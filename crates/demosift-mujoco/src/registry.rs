@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use demosift::basics::files;
 use demosift::{Error, Result};
 
 use crate::mujoco_task::{MakeShaping, MujocoTask};
@@ -104,7 +105,8 @@ pub fn load(name_or_path: &str) -> Result<MujocoTask> {
             .map_err(|error| error.during(task.name));
     }
     let path = Path::new(name_or_path);
-    if path.is_dir() || path.is_file() {
+    if path.exists() {
+        files::check_is_plain(path)?;
         return MujocoTask::from_file(&task_file(path)?);
     }
     Err(Error::bad_input(format!(
@@ -113,8 +115,8 @@ pub fn load(name_or_path: &str) -> Result<MujocoTask> {
     )))
 }
 
-/// The files that the user's task at this path is made of: the `task.toml`, its model and what that includes, in order of
-/// their absolute paths.
+/// The files that the user's task at this path is made of: the `task.toml`, its model, and what that includes, attaches and
+/// takes meshes, height fields and textures from, in order of their absolute paths.
 ///
 /// # Errors
 /// As [`load`].

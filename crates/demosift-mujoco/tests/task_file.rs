@@ -226,7 +226,7 @@ fn each_mistake_is_named_with_what_would_have_been_right() {
         (
             "[heuristic]",
             "y = { sum = { x = inf } }\n[heuristic]",
-            &["weight of 'x' is inf, and must be finite"],
+            &["measurements.y.sum.x = inf: must be a finite number"],
         ),
         (
             "[heuristic]",
@@ -246,12 +246,74 @@ fn each_mistake_is_named_with_what_would_have_been_right() {
         ),
         ("[heuristic]", "[return]\nof = 'x'\n[heuristic]", &["unknown key `of`", "`measurement`"]),
         ("cart.xml", "card.xml", &["no model file is called 'card.xml'", "cart.xml"]),
+        (
+            "of = \"x\"",
+            "of = \"x\"\notherwise = nan",
+            &["heuristic.otherwise = NaN: must be a finite number"],
+        ),
+        (
+            "of = \"x\"",
+            "of = \"x\"\notherwise = -inf",
+            &["heuristic.otherwise = -inf: must be a finite number"],
+        ),
+        (
+            "of = \"x\"",
+            "of = \"x\"\notherwise = -1e308",
+            &["heuristic.otherwise = -1e308: must be from -1e30"],
+        ),
+        (
+            "of = \"x\"",
+            "of = \"x\"\notherwise = 0\nwhen = [{ measurement = 'x', above = nan }]",
+            &["heuristic.when.above = NaN: must be a finite number"],
+        ),
+        ("[heuristic]", "[[reward]]\nconstant = nan\n[heuristic]", &["reward.constant = NaN"]),
+        ("[heuristic]", "[reset.qpos]\nslider = inf\n[heuristic]", &["reset.qpos.slider = inf"]),
+        ("frame_skip = 2", "frame_skip = 4000000000", &["frame_skip = 4000000000: must be at most 10000"]),
+        ("frame_skip = 2", "frame_skip = 10001", &["frame_skip = 10001: must be at most 10000"]),
     ] {
         let message = error_of(old, new);
         for part in wanted {
             assert!(message.contains(part), "{new}\nwanted: {part}\ngot: {message}");
         }
     }
+}
+
+/// The time of the model goes forward, in steps that an agent can follow.
+#[test]
+fn a_step_of_no_time_or_of_minutes_is_refused() {
+    for (timestep, wanted) in [
+        ("-0.01", "timestep is -0.01 s, and must be above 0"),
+        ("40", "a control step takes 80 s (frame_skip 2"),
+    ] {
+        let model = MODEL.replace("<mujoco>", &format!("<mujoco><option timestep=\"{timestep}\"/>"));
+        let error = load(TASK, &model).err().unwrap();
+        assert!(error.is_bad_config() && error.to_string().contains(wanted), "{error}");
+    }
+}
+
+/// What is found out about a goal lies in a folder of its name, which must stay within that of the run.
+#[test]
+fn a_goal_that_no_folder_can_be_called_like_is_refused() {
+    for name in ["../../b", "a/b", "", ".hidden", "bell\u{7}"] {
+        let error = load(&format!("{TASK}[[variant]]\nname = {name:?}\n"), MODEL).err().unwrap();
+        assert!(error.is_bad_config() && error.to_string().contains("so that a folder can be"), "{error}");
+    }
+    load(&format!("{TASK}[[variant]]\nname = 'left, low'\n"), MODEL).unwrap();
+}
+
+/// All that MuJoCo says, however long the path, and what most often is the cause.
+#[test]
+fn a_mesh_that_is_not_there_is_named_whole() {
+    let folder =
+        std::env::temp_dir().join(format!("demosift-mesh-{}-{}", "long".repeat(30), std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("task.toml"), TASK).unwrap();
+    let model = MODEL.replace("<worldbody>", "<asset><mesh name='m' file='shin.stl'/></asset><worldbody>");
+    std::fs::write(folder.join("cart.xml"), model).unwrap();
+    let error = registry::load(folder.to_str().unwrap()).err().unwrap();
+    assert!(error.to_string().contains("shin.stl"), "{error}");
+    assert!(error.hint().is_some_and(|hint| hint.contains("meshdir")), "{:?}", error.hint());
+    std::fs::remove_dir_all(&folder).unwrap();
 }
 
 /// What has no name is called by its kind and number, and so it is listed.

@@ -354,7 +354,7 @@ fn a_table_without_rows_is_not_believed_its_width() {
     }
     file.create_dataset("timeouts").with_u8_data(&[]).with_shape(&[0]);
     file.write(&path).unwrap();
-    assert_says(&read(&path).unwrap_err(), &["[0, 1125899906842624]", "can hold"]);
+    assert_says(&read(&path).unwrap_err(), &["[0, 1125899906842624]", "more than a recording"]);
 }
 
 /// Each file that a fixture consists of, cut short and with bytes turned over: an error or harmless, never a panic.

@@ -39,10 +39,11 @@ fn driven(distance: f32, seed: Seed) -> Demonstration {
 struct Measured(&'static str, Vec<f64>);
 
 impl Observer for Measured {
-    fn on(&mut self, event: Event<'_>) {
+    fn on(&mut self, event: Event<'_>) -> demosift::Result<()> {
         if let Event::Measured { numbers, .. } = event {
             self.1.extend(numbers.iter().filter(|(name, _)| *name == self.0).map(|(_, value)| value));
         }
+        Ok(())
     }
 }
 

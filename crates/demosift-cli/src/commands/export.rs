@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use demosift::basics::files;
 use demosift::data::demonstration::episode::Format;
-use demosift::data::demonstration::{self, DemoId, lerobot, minari, robomimic};
+use demosift::data::demonstration::{self, DemoId, DemonstrationSet, lerobot, minari, robomimic};
 use demosift::results::artifact::Artifact as _;
 use demosift::results::uncertainty::Uncertainty;
 use demosift::stages::referee::Verdict;
@@ -19,9 +19,9 @@ use serde_json::Value;
 use super::convert;
 use crate::answers::{self, Exported};
 use crate::arguments::{ExportArguments, Form, SetArguments};
-use crate::configuration::Layer;
 use crate::demonstrations::{self, Demonstrations};
 use crate::run_folder::{self, Data, Identity, RunFolder};
+use crate::tables;
 use crate::terminal;
 use crate::writing::undisturbed;
 
@@ -40,7 +40,7 @@ pub(crate) fn run(arguments: &ExportArguments) -> Result<()> {
     let kept = || open(&arguments.run);
     match arguments.form {
         Form::LerobotEpisodes => write_episode_list(&kept()?, arguments),
-        Form::Json => say(&format!("{:#}\n", as_json(&kept()?)?), arguments),
+        Form::Json => say(&terminal::tame_json(&format!("{:#}\n", as_json(&kept()?)?)), arguments),
         Form::Csv => say(&as_csv(&kept()?)?, arguments),
         Form::Lerobot => write_lerobot(&kept()?, arguments),
         Form::Minari => write_minari(&kept()?, arguments),
@@ -112,7 +112,23 @@ fn open(run: &Path) -> Result<Kept> {
     let demos = verdict.as_ref().and_then(Verdict::recommended).unwrap_or(&subset.demos);
     let mut ids: Vec<DemoId> = demos.to_vec();
     ids.sort_unstable();
+    check_known(&ids, &demonstrations.set, run)?;
     Ok(Kept { identity, data, folder, demonstrations, ids })
+}
+
+/// Whether all that a run's files name are demonstrations of its set.
+fn check_known(ids: &[DemoId], set: &DemonstrationSet, run: &Path) -> Result<()> {
+    match ids.iter().find(|id| !set.holds(**id)) {
+        None => Ok(()),
+        Some(id) => Err(Error::bad_input(format!(
+            "the run names demonstration {id}, and the demonstrations of its set are {}",
+            tables::range_of(set)
+        ))
+        .at(run)
+        .with_hint(
+            "its files are of another run, or were changed; run it anew with another folder for --out",
+        )),
+    }
 }
 
 /// What the file calls the kept demonstrations, in its order.
@@ -190,15 +206,15 @@ fn add_filter_key(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
 
 /// Every demonstration of a run, with where the numbers come from.
 fn as_json(kept: &Kept) -> Result<Value> {
-    let configuration = Layer::from_file(&kept.folder.path().join(run_folder::RESOLVED))?;
+    let configuration = run_folder::read_configuration(kept.folder.path(), &kept.identity)?;
     Ok(value(&answers::Export {
         demosift: &kept.identity.demosift,
         task: &kept.identity.task,
         task_sha256: kept.identity.task_sha256.as_deref(),
         variant: kept.identity.variant.as_deref(),
         data: &kept.data,
-        seed: configuration.values.get("seed"),
-        configuration: &configuration.values,
+        seed: configuration.get("seed"),
+        configuration: &configuration,
         demonstrations: rows(kept)?,
     }))
 }
@@ -210,6 +226,8 @@ fn value(answer: &impl Serialize) -> Value {
 fn rows(kept: &Kept) -> Result<Vec<Exported>> {
     let ranking = Ranking::recall(&kept.folder, "")?
         .ok_or_else(|| Error::bad_input("this run has no ranking").at(kept.folder.path()))?;
+    let ranked: Vec<DemoId> = ranking.entries.iter().map(|ranked| ranked.demo).collect();
+    check_known(&ranked, &kept.demonstrations.set, kept.folder.path())?;
     let uncertainty = Uncertainty::recall(&kept.folder, "")?;
     let weighing = Weighing::recall(&kept.folder, "")?;
     let weights = weighing.as_ref().and_then(|weighing| weighing.rounds.last()).map(|round| &round.weights);
@@ -228,7 +246,7 @@ fn rows(kept: &Kept) -> Result<Vec<Exported>> {
             before: ranked.before,
             after: ranked.after,
             improves: doubt.map(|doubt| doubt.improves),
-            weight: weights.map(|weights| weights.of(demo)),
+            weight: weights.and_then(|weights| weights.get(demo)),
         }
     });
     Ok(rows.collect())

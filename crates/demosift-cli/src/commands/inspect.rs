@@ -139,8 +139,12 @@ fn columns(seen: &Inspection) -> String {
         for (index, spread) in spreads.iter().enumerate() {
             let remarks = remarks(spread, bounded);
             if few || bounded || !remarks.is_empty() {
-                let number =
-                    |value: Option<f32>| value.map_or("none".to_owned(), |value| format!("{value:.4}"));
+                let written = |value: f32| match value.abs() {
+                    // Digits that nobody counts.
+                    1e9.. => format!("{value:e}"),
+                    _ => format!("{value:.4}"),
+                };
+                let number = |value: Option<f32>| value.map_or("none".to_owned(), written);
                 rows.push(vec![
                     format!("{what} {index}"),
                     number(spread.least),

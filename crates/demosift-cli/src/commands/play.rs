@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use demosift::basics::files;
 use demosift::basics::seed::Seed;
 use demosift::data::demonstration::{self, DemoId, DemonstrationSet};
 use demosift::data::trajectory::StateLog;
@@ -100,12 +101,10 @@ fn trained_under(policy: &Path, chosen: &Chosen) -> Option<String> {
 
 /// A policy of a run folder, if it fits the task.
 pub(crate) fn read_policy(path: &Path, specification: &Specification) -> Result<Policy> {
-    let bytes = std::fs::read(path).map_err(|error| match error.kind() {
-        std::io::ErrorKind::NotFound => {
-            Error::bad_input("the policy does not exist").at(path).with_hint("check the path")
-        }
-        _ => Error::io("cannot read the policy", path, &error),
-    })?;
+    if !path.exists() {
+        return Err(Error::bad_input("the policy does not exist").at(path).with_hint("check the path"));
+    }
+    let bytes = files::read(path)?;
     let policy = artifact::read_policy(&bytes, "the policy").map_err(|error| error.at(path))?;
     let found = (policy.filter().observation_size(), policy.action_size());
     let wanted = (specification.observation_size, specification.action_size);
@@ -232,9 +231,8 @@ impl<'c> Studio<'c> {
                     Film::Clip(gif) => folder.add("clip.gif", &gif),
                 }
             });
-        let told = progress.finish();
+        progress.finish();
         made?;
-        told?;
         folder.finish()?;
         Ok(self.out)
     }

@@ -5,6 +5,7 @@ mod source;
 use std::path::Path;
 
 use demosift::basics::ledger::Ledger as _;
+use demosift::basics::seal;
 use demosift::basics::seed::Seed;
 use demosift::data::demonstration::d4rl::{self, Episode, States};
 use demosift::data::demonstration::episode::RECORDED;
@@ -230,7 +231,7 @@ fn foresee(
 /// A set's provenance, if the set is whole.
 fn recall(folder: &RunFolder, name: &str) -> Result<Option<Provenance>> {
     let Some(bytes) = folder.recall(name)? else { return Ok(None) };
-    serde_json::from_slice(&bytes)
+    serde_json::from_slice(&seal::of_json(&bytes, name)?)
         .map(Some)
         .map_err(|error| Error::bad_input(format!("{name} cannot be read: {error}")))
 }
@@ -241,6 +242,7 @@ fn make(
     recording: &Recording,
     folder: &mut RunFolder,
 ) -> Result<(Provenance, Option<Provenance>)> {
+    folder.claim()?;
     let playground = Playground::new(plan.chosen.task.as_ref());
     let seed = Seed::new(recording.seed);
     let stages = stages(&playground, recording, plan, folder)?;
@@ -305,9 +307,7 @@ impl Provenance {
     }
 
     fn store(&self, folder: &mut RunFolder, name: &str) -> Result<()> {
-        let mut json = serde_json::to_vec_pretty(self).expect("names and numbers are JSON");
-        json.push(b'\n');
-        folder.store(name, &json)
+        folder.store(name, &seal::to_json(self))
     }
 }
 
@@ -319,19 +319,18 @@ fn stages(
     folder: &mut RunFolder,
 ) -> Result<Vec<Stage>> {
     if let Some(stages) = Vec::recall(folder, "")? {
+        experiment::forget_checkpoint(folder, demonstrator::STAGE, "");
         return Ok(stages);
     }
     if let Some(source) = &recording.recorded_from {
         return source.stages(&plan.chosen);
     }
     let training = recording.demonstrator.as_ref().expect("a recording has a training or a source");
-    let mut progress = Progress::new(MetricsFile::open(folder.path())?);
+    let mut progress = Progress::new(MetricsFile::of(folder.path())?);
     let seed = Seed::new(recording.seed).of("demonstrator");
     let stages = train(playground, training, &seed, folder, &mut progress);
-    let told = progress.finish();
-    let stages = stages?;
-    told?;
-    Ok(stages)
+    progress.finish();
+    stages
 }
 
 fn train(

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use demosift::Result;
-use demosift::basics::files;
 use demosift::results::artifact::Artifact;
 use demosift::results::data_only::DataOnly;
 use demosift::results::report;
@@ -16,7 +15,6 @@ use crate::job::{Job, Prior};
 use crate::report::{page, replay};
 use crate::run_folder;
 use crate::terminal;
-use crate::writing::undisturbed;
 
 /// The report's file in a run folder.
 const PAGE: &str = "report.html";
@@ -30,8 +28,15 @@ pub(crate) fn run(arguments: &ReportArguments) -> Result<()> {
         return Ok(());
     }
     let found = gather(&mut job)?;
-    let page = write_found(&mut job, &found)?;
-    terminal::show_json(&ReportMade { report: &found.report, page: &page });
+    // Whoever asks for numbers gets them from a disk that is only read, too.
+    let page = match write_found(&mut job, &found) {
+        Err(error) if error.is_io() => {
+            terminal::note(&format!("the page was not written: {error}"));
+            None
+        }
+        written => Some(written?),
+    };
+    terminal::show_json(&ReportMade { report: &found.report, page: page.as_deref() });
     Ok(())
 }
 
@@ -84,7 +89,7 @@ fn write_found(job: &mut Job, found: &Found) -> Result<PathBuf> {
     };
     let html = page::html(&found.report, &made, &replay);
     let path = job.folder().path().join(PAGE);
-    undisturbed(|| files::write_atomically(&path, html.as_bytes()))?;
+    job.store(PAGE, html.as_bytes())?;
     Ok(path)
 }
 

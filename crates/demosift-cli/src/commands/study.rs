@@ -18,6 +18,7 @@ use rustix::time::{ClockId, clock_gettime};
 
 use crate::answers;
 use crate::arguments::{Part, StudyArguments};
+use crate::job;
 use crate::study_file::{self, Opened, OpenedSet};
 use crate::study_folder::{Recalled, StudyFolder, fingerprint};
 use crate::tables;
@@ -47,7 +48,7 @@ pub(crate) fn run(arguments: &StudyArguments) -> Result<()> {
         return Ok(());
     }
     if !arguments.table {
-        studied.folder.begin()?;
+        studied.folder.begin(arguments.part)?;
         studied.make(&only, arguments.part, threads)?;
     }
     studied.gather()?;
@@ -56,8 +57,7 @@ pub(crate) fn run(arguments: &StudyArguments) -> Result<()> {
 
 fn threads(asked: Option<usize>) -> Result<usize> {
     match asked {
-        Some(0) => Err(Error::bad_config("--threads 0: must be at least 1")),
-        Some(count) => Ok(count),
+        Some(count) => job::check_threads(count).map(|()| count),
         None => Ok(std::thread::available_parallelism().map_or(1, usize::from)),
     }
 }

@@ -30,7 +30,9 @@ pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
         let padded: Vec<String> = (0..widths.len())
             .map(|column| {
                 let (cell, width) = (&cells[column], widths[column]);
-                if is_number(column) { format!("{cell:>width$}") } else { format!("{cell:<width$}") }
+                // By hand, since a width of `format!` has 16 bits.
+                let room = " ".repeat(width.saturating_sub(cell.chars().count()));
+                if is_number(column) { room + cell } else { cell.clone() + &room }
             })
             .collect();
         format!("  {}", padded.join("   ")).trim_end().to_owned() + "\n"
@@ -254,6 +256,14 @@ mod tests {
     use demosift::stages::imitate::CurvePoint;
 
     use super::*;
+
+    #[test]
+    fn a_cell_may_be_longer_than_a_width_of_the_formatter() {
+        let long = "m".repeat(70_000);
+        let rows = vec![vec![long.clone(), "1".to_owned()], vec!["x".to_owned(), "20".to_owned()]];
+        let shown = table(&["name", "steps"], &rows);
+        assert!(shown.contains(&format!("  {long}       1\n")), "{}", &shown[..100]);
+    }
 
     #[test]
     fn words_stand_left_and_numbers_right() {

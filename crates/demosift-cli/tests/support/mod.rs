@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use demosift::basics::seal;
 use demosift::basics::seed::Seed;
 use demosift::data::demonstration::DemonstrationSet;
 use demosift::data::demonstration::d4rl::{self, Episode};
@@ -72,6 +73,12 @@ impl Scratch {
         self.command(arguments).output().unwrap()
     }
 
+    /// The command in a shell that has done something before, such as setting a limit.
+    pub(crate) fn within(&self, before: &str, arguments: &str) -> Output {
+        let line = format!("{before}; exec '{}' {arguments}", env!("CARGO_BIN_EXE_demosift"));
+        Command::new("bash").args(["-c", &line]).current_dir(&self.0).output().unwrap()
+    }
+
     /// Standard output of a command that must succeed.
     #[track_caller]
     pub(crate) fn succeed(&self, arguments: &str) -> String {
@@ -99,6 +106,14 @@ impl Drop for Scratch {
     fn drop(&mut self) {
         let _ = std::fs::remove_dir_all(&self.0);
     }
+}
+
+/// Changes JSON of a run, as somebody would who also knows its checksum.
+pub(crate) fn rewritten(file: &Path, change: impl FnOnce(&mut serde_json::Value)) {
+    let bytes = seal::of_json(&std::fs::read(file).unwrap(), "the file").unwrap();
+    let mut value = serde_json::from_slice(&bytes).unwrap();
+    change(&mut value);
+    std::fs::write(file, seal::to_json(&value)).unwrap();
 }
 
 /// A file that the repository carries.

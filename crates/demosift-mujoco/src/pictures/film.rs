@@ -78,7 +78,7 @@ pub fn film(
     let secs = task.specification().control_step_secs;
     let plans: Vec<Plan> = takes.iter().map(|take| Plan::of(take.steps, wanted, secs)).collect();
     let total = plans.iter().map(Plan::pictures).sum();
-    observer.on(Event::Started { stage: STAGE, done: 0, total });
+    observer.on(Event::Started { stage: STAGE, done: 0, total })?;
     let (mut done, mut rows, mut clip) = (0, Vec::new(), Animation::new());
     let text_width = viewpoint.width().saturating_sub(2 * MARGIN);
     let labels: Vec<_> = takes.iter().map(|take| wrapped(&take.label, text_width)).collect();
@@ -97,7 +97,7 @@ pub fn film(
             let times = plan.moments.iter().filter(|moment| **moment == step).count();
             row.extend(std::iter::repeat_n((secs * step as f64, picture), times));
             done += 1;
-            observer.on(Event::Advanced { stage: STAGE, done });
+            observer.on(Event::Advanced { stage: STAGE, done })?;
         }
         rows.push((take.label.as_str(), row));
     }

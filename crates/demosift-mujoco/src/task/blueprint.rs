@@ -54,7 +54,7 @@ pub(crate) fn resolve(file: &TaskFile, model: Model) -> Result<Blueprint> {
     let measurements = measurement::resolve(&file.measurements, &names, &model, &ends)?;
     let true_return = file.true_return.as_ref().map(|of| column(&of.measurement, &names)).transpose();
     let true_return = true_return.map_err(|error| error.during("return"))?;
-    let control_step_secs = model.timestep_secs() * f64::from(file.frame_skip.get());
+    let control_step_secs = control_step_secs(file, &model)?;
     let terms = file.reward.iter().map(|term| Term::resolve(term, &names, control_step_secs));
     let terms = terms.collect::<Result<Vec<_>>>().map_err(|error| error.during("reward"))?;
     let heuristic = Fold::resolve(&file.heuristic, &columns::named(&names));
@@ -108,9 +108,50 @@ fn horizon(file: &TaskFile) -> Result<usize> {
     }
 }
 
+/// Steps of the physics that a control step may have.
+const MOST_SKIPPED: u32 = 10_000;
+/// Nobody acts less often; an agent that did would have no hold of what happens.
+const LONGEST_CONTROL_STEP_SECS: f64 = 60.0;
+
+fn control_step_secs(file: &TaskFile, model: &Model) -> Result<f64> {
+    let (timestep, frame_skip) = (model.timestep_secs(), file.frame_skip.get());
+    if !(timestep.is_finite() && timestep > 0.0) {
+        return Err(Error::bad_config(format!(
+            "the model's timestep is {timestep} s, and must be above 0: time would not go forward"
+        ))
+        .with_hint("set <option timestep=\"0.002\"/> in the model"));
+    }
+    if frame_skip > MOST_SKIPPED {
+        return Err(Error::bad_config(format!(
+            "frame_skip = {frame_skip}: must be at most {MOST_SKIPPED} steps of the physics"
+        )));
+    }
+    let secs = timestep * f64::from(frame_skip);
+    if secs > LONGEST_CONTROL_STEP_SECS {
+        return Err(Error::bad_config(format!(
+            "a control step takes {secs} s (frame_skip {frame_skip} times the model's timestep of {timestep} s), and must take \
+             at most {LONGEST_CONTROL_STEP_SECS} s; most robots are controlled every 0.01 s to 0.1 s"
+        )));
+    }
+    Ok(secs)
+}
+
+/// Whether a name can be that of a folder: what is found out about a variant is kept in one that is called like it.
+fn check_folder_name(name: &str) -> Result<()> {
+    let is_wrong = |letter: char| letter.is_control() || letter == '/' || letter == '\\';
+    if name.is_empty() || name.len() > 100 || name.starts_with('.') || name.contains(is_wrong) {
+        return Err(Error::bad_config(format!(
+            "a variant is called '{name}', and must be called so that a folder can be: 1 to 100 letters, none of them a slash, \
+             and no dot in front"
+        )));
+    }
+    Ok(())
+}
+
 fn variant_names(file: &TaskFile) -> Result<Vec<String>> {
     let names: Vec<String> = file.variant.iter().map(|variant| variant.name.clone()).collect();
     for (index, name) in names.iter().enumerate() {
+        check_folder_name(name)?;
         if names[..index].contains(name) {
             return Err(Error::bad_config(format!(
                 "two variants are called '{name}'; each needs a name of its own"

@@ -53,7 +53,36 @@ pub(crate) struct TaskFile {
 impl TaskFile {
     /// Reads the text of a `task.toml`.
     pub(crate) fn parse(text: &str) -> Result<Self> {
-        toml::from_str(text).map_err(|error| Error::bad_config(in_words(error.to_string().trim_end())))
+        let file = toml::from_str(text)
+            .map_err(|error| Error::bad_config(in_words(error.to_string().trim_end())))?;
+        if let Ok(table) = text.parse::<toml::Table>() {
+            table.iter().try_for_each(|(key, value)| check_numbers(key, value, false))?;
+        }
+        Ok(file)
+    }
+}
+
+/// Numbers beyond this are no quantity of a robot, and a few of them multiplied are infinite.
+const LARGEST: f64 = 1e30;
+
+/// Whether every number below a key can be calculated with; only the end of a range may be infinite.
+fn check_numbers(name: &str, value: &toml::Value, is_range: bool) -> Result<()> {
+    match value {
+        toml::Value::Float(number) if number.is_infinite() && is_range => Ok(()),
+        toml::Value::Float(number) if !number.is_finite() => {
+            Err(Error::bad_config(format!("{name} = {number}: must be a finite number")))
+        }
+        toml::Value::Float(number) if number.abs() > LARGEST => {
+            Err(Error::bad_config(format!("{name} = {number:e}: must be from -{LARGEST:e} to {LARGEST:e}")))
+        }
+        toml::Value::Array(values) => {
+            values.iter().try_for_each(|value| check_numbers(name, value, is_range))
+        }
+        toml::Value::Table(table) => table.iter().try_for_each(|(key, value)| {
+            let is_range = name == "ends" || key == "clip";
+            check_numbers(&format!("{name}.{key}"), value, is_range)
+        }),
+        _ => Ok(()),
     }
 }
 

@@ -14,20 +14,73 @@ use crate::basics::error::{Error, Result};
 /// `is_io` if a byte could not be written, such as on a full disk; what stood at `path` before stands there still.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     let partial = partial_path(path)?;
-    let written = fs::File::create(&partial)
+    let written = create_anew(&partial)
         .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
         .and_then(|()| fs::rename(&partial, path));
     written.map_err(|source| {
-        // The first error is the one to tell; a leftover that cannot be removed is overwritten by the next attempt.
+        // The first error is the one to tell; a leftover that cannot be removed is replaced by the next attempt.
         let _ = fs::remove_file(&partial);
-        let error = Error::io("cannot write", path, &source);
-        match source.kind() {
-            ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
-                error.with_hint("free some space on that disk")
-            }
-            _ => error,
+        cannot_write(path, &source)
+    })?;
+    sync_folder_of(path)
+}
+
+/// That a file could not be written, with what helps.
+pub fn cannot_write(path: &Path, source: &std::io::Error) -> Error {
+    let error = Error::io("cannot write", path, source);
+    match source.kind() {
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => error.with_hint("free some space on that disk"),
+        ErrorKind::FileTooLarge => error.with_hint("raise the limit of the size of files (ulimit -f)"),
+        _ => error,
+    }
+}
+
+/// A new file, whatever an attempt before left in its place: a link that somebody laid there is removed and not followed.
+fn create_anew(path: &Path) -> std::io::Result<fs::File> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
+        _ => fs::OpenOptions::new().write(true).create_new(true).open(path),
+    }
+}
+
+/// A rename is on the disk when the folder is; not every file system can say so.
+///
+/// # Errors
+/// `is_io` if the disk failed.
+pub fn sync_folder_of(path: &Path) -> Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    match fs::File::open(folder).and_then(|folder| folder.sync_all()) {
+        Err(source) if source.kind() == ErrorKind::StorageFull || source.raw_os_error() == Some(EIO) => {
+            Err(cannot_write(path, &source))
         }
-    })
+        _ => Ok(()),
+    }
+}
+
+/// An error of the disk itself, for which std has no name.
+const EIO: i32 = 5;
+
+/// The bytes of a file.
+///
+/// # Errors
+/// `is_bad_input` if it is no plain file, such as a pipe, which would be waited for without end; `is_io` if it cannot be read.
+pub fn read(path: &Path) -> Result<Vec<u8>> {
+    check_is_plain(path)?;
+    fs::read(path).map_err(|source| Error::io("cannot read", path, &source))
+}
+
+/// Whether something is a file that ends: no pipe, device or socket.
+///
+/// # Errors
+/// `is_bad_input` if it is one of those; `is_io` if it cannot be looked at.
+pub fn check_is_plain(path: &Path) -> Result<()> {
+    let kind = fs::metadata(path).map_err(|source| Error::io("cannot read", path, &source))?.file_type();
+    match kind.is_file() || kind.is_dir() {
+        true => Ok(()),
+        false => Err(Error::bad_input("this is a pipe, a device or a socket; wanted a plain file")
+            .at(path)
+            .with_hint("write what comes out of it into a file first")),
+    }
 }
 
 /// Writes files, each with its path below the folder, into a new folder, which appears whole or not at all.
@@ -46,14 +99,13 @@ pub fn write_folder(folder: &Path, contents: &[(&str, Vec<u8>)]) -> Result<()> {
         fs::remove_dir_all(&partial)
             .map_err(|source| Error::io("cannot remove what is left of a write", &partial, &source))?;
     }
-    let written = fill(&partial, contents).and_then(|()| {
-        fs::rename(&partial, folder).map_err(|source| Error::io("cannot write", folder, &source))
-    });
+    let written = fill(&partial, contents)
+        .and_then(|()| fs::rename(&partial, folder).map_err(|source| cannot_write(folder, &source)));
     if written.is_err() {
         // The first error is the one to tell.
         let _ = fs::remove_dir_all(&partial);
     }
-    written
+    written.and_then(|()| sync_folder_of(folder))
 }
 
 fn fill(folder: &Path, contents: &[(&str, Vec<u8>)]) -> Result<()> {
@@ -92,7 +144,7 @@ pub fn sha256_of(bytes: &[u8]) -> String {
     hexadecimal(&Sha256::digest(bytes))
 }
 
-fn hexadecimal(digest: &[u8]) -> String {
+pub(crate) fn hexadecimal(digest: &[u8]) -> String {
     digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 

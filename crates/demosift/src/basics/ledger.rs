@@ -6,6 +6,13 @@ use crate::basics::error::Result;
 
 /// Stores results and checkpoints by name; the run folder is one.
 pub trait Ledger: Send {
+    /// Makes sure that nobody else stores into it from here on; what is stored without this claims it by itself.
+    ///
+    /// # Errors
+    /// `is_bad_input` if somebody else does.
+    fn claim(&mut self) -> Result<()> {
+        Ok(())
+    }
     /// What was stored under a name, if anything.
     fn recall(&self, name: &str) -> Result<Option<Vec<u8>>>;
     /// Stores bytes under a name, whole or not at all.

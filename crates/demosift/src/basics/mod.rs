@@ -5,4 +5,5 @@ pub mod files;
 pub mod ledger;
 pub mod names;
 pub mod observer;
+pub mod seal;
 pub mod seed;

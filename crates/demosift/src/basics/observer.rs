@@ -1,11 +1,17 @@
-//! How progress leaves the library: events go out, nothing comes back in.
+//! How progress leaves the library: events go out, and nothing comes back in but that one could not be taken.
 
 use serde::Serialize;
+
+use crate::basics::error::Result;
 
 /// Receives a run's progress; called by one thread at a time.
 pub trait Observer: Send {
     /// One thing happened.
-    fn on(&mut self, event: Event<'_>);
+    ///
+    /// # Errors
+    /// That the event could not be taken, such as a measurement on a full disk: the stage stops at once, and what it stored
+    /// before stays.
+    fn on(&mut self, event: Event<'_>) -> Result<()>;
 }
 
 /// What an observer receives.
@@ -47,6 +53,11 @@ pub enum Event<'a> {
         /// The state, to be written by [`crate::results::artifact`].
         state: &'a dyn Snapshot,
     },
+    /// All of a stage's part is done, and its result is stored next: whoever holds something back writes it down now.
+    Finished {
+        /// The stage.
+        stage: &'a str,
+    },
 }
 
 /// Whether something that happens every so often is due when so much is done; every 0 is every 1.
@@ -76,5 +87,7 @@ impl<T: Serialize + std::fmt::Debug + Sync> Snapshot for T {
 pub struct Silent;
 
 impl Observer for Silent {
-    fn on(&mut self, _: Event<'_>) {}
+    fn on(&mut self, _: Event<'_>) -> Result<()> {
+        Ok(())
+    }
 }

@@ -42,6 +42,11 @@ impl Weights {
         self.0[demo.0]
     }
 
+    /// c_i of a demonstration that need not be of this set.
+    pub fn get(&self, demo: DemoId) -> Option<f64> {
+        self.0.get(demo.0).copied()
+    }
+
     /// All weights with their demonstrations, in the order of the set.
     pub fn iter(&self) -> impl Iterator<Item = (DemoId, f64)> {
         let all = self.0.iter().enumerate().map(|(index, weight)| (DemoId(index), *weight));

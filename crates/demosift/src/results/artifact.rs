@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::basics::observer::Snapshot;
+use crate::basics::seal;
 use crate::data::demonstration::DemoId;
 use crate::data::likeness::TrainedOn;
 use crate::data::observation_filter::ObservationFilter;
@@ -31,10 +32,10 @@ use crate::stages::subset_selection::Weighing;
 use crate::world::environment::EnvVariant;
 use crate::world::policy::Policy;
 
-/// Changes when a file of this version could no longer be read; 2 since a learning curve has an end and what it played.
+/// Changes when a file of this version could no longer be read; 3 since each file carries its checksum.
 ///
 /// It is the version of JSON and of checkpoints, and so of a run folder.
-pub const FORMAT_VERSION: u32 = 2;
+pub const FORMAT_VERSION: u32 = 3;
 
 /// The same for tensors, whose layout has not changed, so that policies of earlier runs can still be played.
 const TENSORS_VERSION: u32 = 1;
@@ -53,17 +54,14 @@ pub trait Artifact: Sized {
 /// Reads a result from JSON; `what` names it in errors.
 fn recall_json<T: DeserializeOwned>(ledger: &dyn Ledger, name: &str) -> Result<Option<T>> {
     let Some(bytes) = ledger.recall(name)? else { return Ok(None) };
-    let versioned: Versioned<T> = serde_json::from_slice(&bytes)
+    let versioned: Versioned<T> = serde_json::from_slice(&seal::of_json(&bytes, name)?)
         .map_err(|error| Error::bad_input(format!("{name} cannot be read: {error}")))?;
     check_version(versioned.version, FORMAT_VERSION, name)?;
     Ok(Some(versioned.content))
 }
 
 fn store_json<T: Serialize>(ledger: &mut dyn Ledger, name: &str, content: &T) -> Result<()> {
-    let versioned = Versioned { version: FORMAT_VERSION, content };
-    let mut bytes = serde_json::to_vec_pretty(&versioned).expect("plain data always serializes");
-    bytes.push(b'\n');
-    ledger.store(name, &bytes)
+    ledger.store(name, &seal::to_json(&Versioned { version: FORMAT_VERSION, content }))
 }
 
 #[derive(Serialize, Deserialize)]
@@ -130,7 +128,7 @@ impl Artifact for Judged {
         let name = adapted_name(judge);
         let scores: Option<ScoreTable> = recall_json(ledger, &scores_name(judge))?;
         let (Some(scores), Some(bytes)) = (scores, ledger.recall(&name)?) else { return Ok(None) };
-        let tensors = Tensors::read(&bytes, &name)?;
+        let tensors = Tensors::read_sealed(&bytes, &name)?;
         let adapted = |of: &Suitability| {
             let (demo, variant) = (of.demo, of.variant);
             let policy = tensors.policy(&adapted_prefix(variant, demo))?;
@@ -168,7 +166,7 @@ impl Artifact for Learner {
 
     fn recall(ledger: &dyn Ledger, _: &str) -> Result<Option<Self>> {
         let Some(bytes) = ledger.recall(PRIOR)? else { return Ok(None) };
-        let tensors = Tensors::read(&bytes, PRIOR)?;
+        let tensors = Tensors::read_sealed(&bytes, PRIOR)?;
         let policy = tensors.policy(POLICY)?;
         let (network, parameters) = tensors.network("discriminator")?;
         let wanted = (policy.filter().observation_size() + policy.action_size(), 1);
@@ -211,7 +209,7 @@ impl Artifact for LearningCurve {
         let name = format!("policy_{part}.safetensors");
         let file: Option<CurveFile> = recall_json(ledger, &format!("learning_curve_{part}.json"))?;
         let (Some(file), Some(bytes)) = (file, ledger.recall(&name)?) else { return Ok(None) };
-        let best = Tensors::read(&bytes, &name)?.policy(POLICY)?;
+        let best = Tensors::read_sealed(&bytes, &name)?.policy(POLICY)?;
         let CurveFile { demos, points, outcome, end, played } = file;
         Ok(Some(Self { demos, points, outcome, end, played, best }))
     }
@@ -237,9 +235,13 @@ pub fn write_policy(policy: &Policy) -> Vec<u8> {
     write_tensors(&policy_tensors(POLICY, policy))
 }
 
-/// A policy from the bytes of [`write_policy`]; `name` is for errors.
+/// A policy from the bytes of [`write_policy`], or from those of before a policy carried its checksum; `name` is for errors.
 pub fn read_policy(bytes: &[u8], name: &str) -> Result<Policy> {
-    Tensors::read(bytes, name)?.policy(POLICY)
+    let tensors = Tensors::read(bytes, name)?;
+    if let Some(place) = seal_place(bytes) {
+        seal::check(bytes, Some(place), name)?;
+    }
+    tensors.policy(POLICY)
 }
 
 /// Under which name a stage's checkpoint is stored.
@@ -247,10 +249,11 @@ pub fn checkpoint_name(stage: &str, part: &str) -> String {
     if part.is_empty() { format!("checkpoint_{stage}.bin") } else { format!("checkpoint_{stage}_{part}.bin") }
 }
 
-/// A state with the version of this format before it.
+/// A state with the version of this format and its checksum before it.
 pub fn write_checkpoint(state: &dyn Snapshot) -> Vec<u8> {
-    let mut bytes = FORMAT_VERSION.to_le_bytes().to_vec();
-    bytes.extend(state.to_bytes());
+    let version = FORMAT_VERSION.to_le_bytes();
+    let mut bytes = [&version[..], &seal::OPEN, &state.to_bytes()].concat();
+    seal::seal(&mut bytes, version.len());
     bytes
 }
 
@@ -264,7 +267,9 @@ fn read_binary<T: DeserializeOwned>(bytes: &[u8], name: &str) -> Result<T> {
         .split_first_chunk()
         .ok_or_else(|| Error::bad_input(format!("{name} is cut short: {} bytes", bytes.len())))?;
     check_version(u32::from_le_bytes(*version), FORMAT_VERSION, name)?;
-    postcard::from_bytes(state).map_err(|error| Error::bad_input(format!("{name} cannot be read: {error}")))
+    seal::check(bytes, Some(version.len()), name)?;
+    postcard::from_bytes(&state[seal::DIGITS..])
+        .map_err(|error| Error::bad_input(format!("{name} cannot be read: {error}")))
 }
 
 struct Tensor {
@@ -319,7 +324,39 @@ fn write_tensors(tensors: &[Tensor]) -> Vec<u8> {
     });
     // One entry only: a map of several would be written in an order of its own each time.
     let metadata = [(VERSION_KEY.to_owned(), TENSORS_VERSION.to_string())].into();
-    safetensors::serialize(views, Some(metadata)).expect("names are unique and views are whole")
+    sealed(&safetensors::serialize(views, Some(metadata)).expect("names are unique and views are whole"))
+}
+
+/// Before the digest in the metadata of tensors.
+const TENSORS_HEAD: &str = ",\"sha256\":\"";
+
+/// The file with its checksum behind the version in its metadata.
+fn sealed(bytes: &[u8]) -> Vec<u8> {
+    let (header, tensors) = header_and_tensors(bytes).expect("written just now");
+    let version = format!("\"{VERSION_KEY}\":\"{TENSORS_VERSION}\"");
+    let found = header.windows(version.len()).position(|window| window == version.as_bytes());
+    let (before, behind) = header.split_at(found.expect("written just now") + version.len());
+    let mut header = [before, TENSORS_HEAD.as_bytes(), &seal::OPEN, b"\"", behind.trim_ascii_end()].concat();
+    header.resize(header.len().next_multiple_of(HEADER_UNIT), b' ');
+    let place = HEADER_UNIT + before.len() + TENSORS_HEAD.len();
+    let mut bytes = [&(header.len() as u64).to_le_bytes()[..], &header, tensors].concat();
+    seal::seal(&mut bytes, place);
+    bytes
+}
+
+/// A header of safetensors is a multiple of so many bytes long, and so many before it say how long.
+const HEADER_UNIT: usize = 8;
+
+fn header_and_tensors(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (length, rest) = bytes.split_first_chunk::<HEADER_UNIT>()?;
+    rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)
+}
+
+/// Where the checksum stands; tensors of before there were any have none.
+fn seal_place(bytes: &[u8]) -> Option<usize> {
+    let (header, _) = header_and_tensors(bytes)?;
+    let found = header.windows(TENSORS_HEAD.len()).position(|window| window == TENSORS_HEAD.as_bytes())?;
+    Some(HEADER_UNIT + found + TENSORS_HEAD.len())
 }
 
 struct Tensors<'a> {
@@ -342,6 +379,13 @@ impl<'a> Tensors<'a> {
             }
         }
         Ok(Self { tensors, name })
+    }
+
+    /// The tensors of a file of a run, which carries its checksum.
+    fn read_sealed(bytes: &'a [u8], name: &'a str) -> Result<Self> {
+        let tensors = Self::read(bytes, name)?;
+        seal::check(bytes, seal_place(bytes), name)?;
+        Ok(tensors)
     }
 
     fn values(&self, tensor: &str) -> Result<(Vec<usize>, Vec<f32>)> {
@@ -518,6 +562,38 @@ mod tests {
     }
 
     #[test]
+    fn a_flipped_bit_anywhere_is_an_error() {
+        let (prior, checkpoint) = (written(|_| ()), write_checkpoint(&vec![1_u32, 70_000, 3]));
+        for bit in (0..8 * prior.len()).step_by(11) {
+            let mut bytes = prior.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            let error = recalled(&bytes).expect_err("damaged");
+            assert!(error.is_bad_input() && error.to_string().contains(PRIOR), "{bit}: {error}");
+        }
+        for bit in 0..8 * checkpoint.len() {
+            let mut bytes = checkpoint.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            let error = read_checkpoint::<Vec<u32>>(&bytes, "checkpoint").expect_err("damaged");
+            assert!(error.to_string().starts_with("checkpoint ") && error.hint().is_some(), "{bit}: {error}");
+        }
+    }
+
+    /// Written by the version before.
+    #[test]
+    fn a_policy_without_a_checksum_can_still_be_played() {
+        let policy = learner().policy;
+        let bytes = write_policy(&policy);
+        let (header, tensors) = header_and_tensors(&bytes).expect("written just now");
+        let text = std::str::from_utf8(header).expect("JSON");
+        let start = text.find(TENSORS_HEAD).expect("sealed");
+        let end = start + TENSORS_HEAD.len() + seal::DIGITS + 1;
+        let mut before = format!("{}{}", &text[..start], text[end..].trim_end());
+        before += &" ".repeat(before.len().next_multiple_of(HEADER_UNIT) - before.len());
+        let old = [&(before.len() as u64).to_le_bytes()[..], before.as_bytes(), tensors].concat();
+        assert_eq!(read_policy(&old, "policy").expect("readable"), policy);
+    }
+
+    #[test]
     fn tensors_that_do_not_fit_are_told_by_name() {
         let complaint = |change: fn(&mut Vec<Tensor>)| {
             let error = recalled(&written(change)).expect_err("does not fit");
@@ -560,7 +636,7 @@ mod tests {
         assert!(read_checkpoint::<Vec<u32>>(&checkpoint[..5], "x").expect_err("short").hint().is_some());
         checkpoint[0] = 9;
         let error = read_checkpoint::<Vec<u32>>(&checkpoint, "x").expect_err("newer");
-        assert_eq!(error.to_string(), "x has format version 9; this demosift reads version 2");
+        assert_eq!(error.to_string(), "x has format version 9; this demosift reads version 3");
     }
 
     #[test]

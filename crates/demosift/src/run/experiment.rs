@@ -50,7 +50,7 @@ mod verdict;
 
 use serde::{Deserialize, Serialize};
 
-use crate::basics::error::Result;
+use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::basics::observer::Observer;
 use crate::basics::seed::Seed;
@@ -72,7 +72,7 @@ use crate::world::policy::PolicyShape;
 use crate::world::rollout::Playground;
 
 use arrows::Arrow;
-pub use checkpointing::Checkpointing;
+pub use checkpointing::{Checkpointing, forget_checkpoint};
 pub(crate) use checkpointing::{begun, stage_name};
 pub use checks::{check, check_demonstrator, check_fits, check_has_weights};
 pub use judging::{
@@ -187,7 +187,19 @@ fn make(run: &mut Run<'_>, wanted: &[Arrow]) -> Result<()> {
             }
         }
     }
-    Ok(())
+    arrows::tidy(run, wanted)
+}
+
+/// Whether all that a stored result names are demonstrations of the set.
+fn check_known(set: &DemonstrationSet, demos: impl IntoIterator<Item = DemoId>, what: &str) -> Result<()> {
+    match demos.into_iter().find(|demo| !set.holds(*demo)) {
+        None => Ok(()),
+        Some(demo) => Err(Error::bad_input(format!(
+            "{what} name demonstration {demo}, which is not of the set of {} demonstrations",
+            set.len()
+        ))
+        .with_hint("the run folder holds files of another run; run it anew with another folder for --out")),
+    }
 }
 
 /// The random numbers of the selection by weights.
@@ -197,7 +209,9 @@ pub(crate) fn weighing_seed(config: &Config) -> Seed {
 
 /// MetaPrior → Weighing: a subset by weights (Algorithm 3), with the trends of the weights.
 pub fn weighing(run: &mut Run<'_>, prior: &MetaPrior) -> Result<Weighing> {
-    if let Some(weighing) = Artifact::recall(run.ledger, "")? {
+    if let Some(weighing) = Weighing::recall(run.ledger, "")? {
+        forget_checkpoint(run.ledger, subset_selection::STAGE, "");
+        check_known(run.set, weighing.demos.iter().copied(), "weights.json")?;
         return Ok(weighing);
     }
     check_has_weights(run.config.method)?;
@@ -332,6 +346,7 @@ fn learning_curve_with(
         && curve.demos == demos
     {
         // Again, in case that the run was killed between the two.
+        forget_checkpoint(*ledger, imitate::STAGE, part);
         onnx::store_policy(*ledger, part, &curve.best, playground.specification())?;
         return Ok(curve);
     }

@@ -121,10 +121,10 @@ pub fn train(
     seed: &Seed,
     observer: &mut dyn Observer,
 ) -> Result<Vec<Stage>> {
-    observer.on(Event::Started { stage: STAGE, done: state.updates, total: training.updates });
+    observer.on(Event::Started { stage: STAGE, done: state.updates, total: training.updates })?;
     loop {
         let (by_variant, stage) = play_stage(playground, training, &state, seed)?;
-        report(&stage, observer);
+        report(&stage, observer)?;
         let enough = |success: Option<f64>| success.is_some_and(|share| share >= training.enough_success);
         let last = state.updates >= training.updates
             || enough(stage.success) && enough(confirmed_success(playground, &state, seed)?);
@@ -136,9 +136,9 @@ pub fn train(
         }
         improve(&mut state, playground, training, &by_variant)
             .map_err(|error| error.during(&format!("demonstrator, update {}", state.updates)))?;
-        observer.on(Event::Advanced { stage: STAGE, done: state.updates });
+        observer.on(Event::Advanced { stage: STAGE, done: state.updates })?;
         if is_due(state.updates, training.checkpoint_every) {
-            observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &state });
+            observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &state })?;
         }
     }
 }
@@ -256,7 +256,7 @@ fn improve(
     Ok(())
 }
 
-fn report(stage: &Stage, observer: &mut dyn Observer) {
+fn report(stage: &Stage, observer: &mut dyn Observer) -> Result<()> {
     observer.on(Event::Measured {
         stage: STAGE,
         part: "",
@@ -267,7 +267,7 @@ fn report(stage: &Stage, observer: &mut dyn Observer) {
             ("score", stage.score),
             ("success", stage.success.unwrap_or(f64::NAN)),
         ],
-    });
+    })
 }
 
 #[cfg(test)]

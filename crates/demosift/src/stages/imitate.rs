@@ -246,16 +246,16 @@ pub fn imitate(
         demos.iter().map(|demo| gail::demonstrated_pairs(set.get(*demo), &filter)).collect();
     let demonstrated: Vec<&Rows> = pairs.iter().collect();
     let (done, total) = state.progress(imitation);
-    observer.on(Event::Started { stage: STAGE, done, total });
+    observer.on(Event::Started { stage: STAGE, done, total })?;
     while state.progress(imitation).0 < total {
         if is_due(state.updates, imitation.evaluate_every) {
             evaluate(lesson, &mut state, observer)?;
         }
         improve(lesson, &mut state, &demonstrated, observer)
             .map_err(|error| error.during(&format!("imitation, update {}", state.updates)))?;
-        observer.on(Event::Advanced { stage: STAGE, done: state.progress(imitation).0 });
+        observer.on(Event::Advanced { stage: STAGE, done: state.progress(imitation).0 })?;
         if is_due(state.updates, imitation.checkpoint_every) {
-            observer.on(Event::Checkpoint { stage: STAGE, part, state: &state });
+            observer.on(Event::Checkpoint { stage: STAGE, part, state: &state })?;
         }
     }
     evaluate(lesson, &mut state, observer)?;
@@ -290,8 +290,7 @@ fn improve(
     let mut numbers = vec![("environment_steps", state.environment_steps as f64)];
     numbers.extend(report.numbers());
     let iteration = state.updates;
-    observer.on(Event::Measured { stage: "imitate_update", part, iteration, numbers: &numbers });
-    Ok(())
+    observer.on(Event::Measured { stage: "imitate_update", part, iteration, numbers: &numbers })
 }
 
 /// Adds a point to the curve and keeps the policy if it is the best so far.
@@ -312,8 +311,7 @@ fn evaluate(lesson: &Lesson<'_>, state: &mut ImitationState, observer: &mut dyn 
             ("score", found.score),
             ("success", found.success.unwrap_or(f64::NAN)),
         ],
-    });
-    Ok(())
+    })
 }
 
 /// Mean heuristic and success of a policy, over all variants.

@@ -317,7 +317,7 @@ pub fn judge(
     let Trial { set, playground, start, inner, judging, .. } = trial;
     let (task, starts_anew) = (playground.specification(), matches!(start, Start::Untrained { .. }));
     let most = Effort::of(set.len(), task, judging, inner, starts_anew).units;
-    observer.on(Event::Started { stage: STAGE, done: state.done(), total: most });
+    observer.on(Event::Started { stage: STAGE, done: state.done(), total: most })?;
     for round in 0..rounds(trial.judging) {
         let units = units(trial, state, round);
         finish(trial, crew, &units, state, observer)?;
@@ -381,7 +381,7 @@ fn finish(
     observer: &mut dyn Observer,
 ) -> Result<()> {
     let one = |unit: &Unit| judge_unit(trial, unit);
-    let mut collecting = Collecting::new(trial.part, units, state, observer);
+    let mut collecting = Collecting::new(trial.part, units, state, observer)?;
     loop {
         let missing = collecting.missing();
         if missing.is_empty() {
@@ -390,16 +390,16 @@ fn finish(
         let judged = crew.judge(&missing, &one, &mut |unit, outcome| collecting.take(unit, outcome));
         let left = collecting.missing().len();
         if judged.is_err() || left == missing.len() {
-            // What is finished need not be done again.
-            collecting.checkpoint();
+            // What is finished need not be done again; the first error is the one to tell.
+            let stored = collecting.checkpoint();
             judged?;
+            stored?;
             return Err(Error::simulation(format!(
                 "none of {left} units came back from those who judge them"
             )));
         }
     }
-    collecting.checkpoint();
-    Ok(())
+    collecting.checkpoint()
 }
 
 /// The units as a table.

@@ -174,7 +174,7 @@ pub fn meta_train(
     let Learning { training, inner, information } = *learning;
     let demonstrated = state.prior.demonstrated_pairs(set);
     let encodings = mutual_information::encodings(set);
-    observer.on(Event::Started { stage: STAGE, done: state.rounds, total: training.rounds });
+    observer.on(Event::Started { stage: STAGE, done: state.rounds, total: training.rounds })?;
     while state.rounds < training.rounds {
         let number = state.rounds;
         let during = |error: Error| error.during(&format!("meta-training, round {number}"));
@@ -191,9 +191,9 @@ pub fn meta_train(
         let updated = meta_update(&mut state, &demonstrated, &played, learning).map_err(during)?;
         state.rounds += 1;
         state.environment_steps += played.environment_steps as u64;
-        report(&state, &played, updated, observer);
+        report(&state, &played, updated, observer)?;
         if is_due(state.rounds, training.checkpoint_every) {
-            observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &state });
+            observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &state })?;
         }
     }
     Ok(state)

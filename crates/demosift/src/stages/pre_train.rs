@@ -54,13 +54,13 @@ pub fn pre_train(
 ) -> Result<MetaPrior> {
     let pairs = state.prior.demonstrated_pairs(set);
     let demonstrated: Vec<&Rows> = set.ids().iter().map(|id| &pairs[id.0]).collect();
-    observer.on(Event::Started { stage: STAGE, done: state.updates, total: training.updates });
+    observer.on(Event::Started { stage: STAGE, done: state.updates, total: training.updates })?;
     while state.updates < training.updates {
         improve(&mut state, &demonstrated, playground, training.inner, seed, observer)
             .map_err(|error| error.during(&format!("pre-training, update {}", state.updates)))?;
-        observer.on(Event::Advanced { stage: STAGE, done: state.updates });
+        observer.on(Event::Advanced { stage: STAGE, done: state.updates })?;
         if is_due(state.updates, training.checkpoint_every) {
-            observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &state });
+            observer.on(Event::Checkpoint { stage: STAGE, part: "", state: &state })?;
         }
     }
     Ok(state.prior)
@@ -102,6 +102,5 @@ fn improve(
         part: "",
         iteration: state.updates,
         numbers: &report.numbers(),
-    });
-    Ok(())
+    })
 }

@@ -169,7 +169,7 @@ pub fn select_subset(
     observer: &mut dyn Observer,
 ) -> Result<Weighing> {
     let how = means.selection;
-    observer.on(Event::Started { stage: STAGE, done: state.rounds.len(), total: how.rounds });
+    observer.on(Event::Started { stage: STAGE, done: state.rounds.len(), total: how.rounds })?;
     let end = loop {
         if let Some(end) = end(&state.rounds, how) {
             break end;
@@ -180,7 +180,7 @@ pub fn select_subset(
         let deltas = deltas(&table, set.positions());
         state.meta.weights = adjusted(&state.meta.weights, &deltas, how);
         state.rounds.push(weighed(&table, deltas, &state.meta.weights));
-        report(&state, observer);
+        report(&state, observer)?;
     };
     let demos = state.rounds.last().map_or(set.ids(), |last| kept(&last.weights, how));
     Ok(Weighing { rounds: state.rounds, end, demos })
@@ -331,8 +331,8 @@ fn weighed(table: &ScoreTable, deltas: Vec<f64>, weights: &Weights) -> Weighed {
     }
 }
 
-fn report(state: &WeighingState, observer: &mut dyn Observer) {
-    let (done, Some(last)) = (state.rounds.len(), state.rounds.last()) else { return };
+fn report(state: &WeighingState, observer: &mut dyn Observer) -> Result<()> {
+    let (done, Some(last)) = (state.rounds.len(), state.rounds.last()) else { return Ok(()) };
     for (demo, weight) in last.weights.iter() {
         observer.on(Event::Measured {
             stage: STAGE,
@@ -344,10 +344,10 @@ fn report(state: &WeighingState, observer: &mut dyn Observer) {
                 ("score", last.scores[demo.0]),
                 ("baseline", last.baseline),
             ],
-        });
+        })?;
     }
-    observer.on(Event::Advanced { stage: STAGE, done });
-    observer.on(Event::Checkpoint { stage: STAGE, part: "", state });
+    observer.on(Event::Advanced { stage: STAGE, done })?;
+    observer.on(Event::Checkpoint { stage: STAGE, part: "", state })
 }
 
 /// Meta-training and judging inside a round: what they measure goes on under the round's name, their beginnings and
@@ -358,11 +358,10 @@ struct Within<'a> {
 }
 
 impl Observer for Within<'_> {
-    fn on(&mut self, event: Event<'_>) {
-        if let Event::Measured { stage, part, iteration, numbers } = event {
-            let part = format!("weights round {} {part}", self.round + 1);
-            self.observer.on(Event::Measured { stage, part: part.trim_end(), iteration, numbers });
-        }
+    fn on(&mut self, event: Event<'_>) -> Result<()> {
+        let Event::Measured { stage, part, iteration, numbers } = event else { return Ok(()) };
+        let part = format!("weights round {} {part}", self.round + 1);
+        self.observer.on(Event::Measured { stage, part: part.trim_end(), iteration, numbers })
     }
 }
 

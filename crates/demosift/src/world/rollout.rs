@@ -97,12 +97,22 @@ impl<'t> Playground<'t> {
     /// Episodes of one worker. It comes back here only if all went well: after an error or a panic it is dropped.
     fn play(&self, episodes: &[Episode<'_>]) -> Result<Vec<Rollout>> {
         let mut worker = self.borrow()?;
-        let rollouts = worker.play(episodes)?;
+        let rollouts = worker.play(episodes).map_err(|error| in_task(error, self.specification()))?;
         check(&rollouts, episodes.len(), self.specification())?;
         self.give_back(worker);
+        self.check_scores(&rollouts).map_err(|error| in_task(error, self.specification()))?;
         let steps = rollouts.iter().map(|rollout| rollout.trajectory.steps() as u64).sum();
         self.steps.fetch_add(steps, Ordering::Relaxed);
         Ok(rollouts)
+    }
+
+    /// A heuristic that is not a number is divergence, of the simulation or in the task file.
+    fn check_scores(&self, rollouts: &[Rollout]) -> Result<()> {
+        let scores = rollouts.iter().map(|rollout| self.score(&rollout.trajectory));
+        match scores.into_iter().find(|score| !score.is_finite()) {
+            Some(score) => Err(Error::diverged(format!("the heuristic of an episode is {score}"))),
+            None => Ok(()),
+        }
     }
 
     fn borrow(&self) -> Result<Box<dyn Worker>> {
@@ -113,6 +123,16 @@ impl<'t> Playground<'t> {
     fn give_back(&self, worker: Box<dyn Worker>) {
         self.idle.lock().expect("no thread panics while it holds the lock").push(worker);
     }
+}
+
+/// An error of a simulation that ran away, with the task and what finds its cause.
+fn in_task(error: Error, task: &Specification) -> Error {
+    if !error.is_diverged() {
+        return error;
+    }
+    error.during(&format!("playing the task '{}'", task.name)).with_hint(
+        "`demosift task check TASK` tries the task with random actions, and says what in its model is wrong",
+    )
 }
 
 /// What comes from a worker may come from another program, which is not believed.
@@ -162,8 +182,8 @@ pub fn play(
 
 /// One rollout an episode, in their order, whatever the number of threads.
 ///
-/// A worker gets as many episodes at once as its width says, counted from the first: which episodes are played together does not depend on
-/// the number of threads either.
+/// A worker gets as many episodes at once as its width says, counted from the first: which episodes are played together does
+/// not depend on the number of threads either.
 pub fn play_episodes(playground: &Playground<'_>, episodes: &[Episode<'_>]) -> Result<Vec<Rollout>> {
     if episodes.is_empty() {
         return Ok(Vec::new());

@@ -14,6 +14,17 @@ use crate::math::rows::Rows;
 /// Deflate cannot shrink bytes further than this (its longest match costs at least two bits).
 pub(super) const MOST_COMPRESSION: u64 = 1032;
 
+/// What recordings shrink by at most; only constants and what is made to harm shrink further.
+const USUAL_COMPRESSION: u64 = 100;
+/// Up to so many bytes the memory does not matter, however small the file.
+const FREE_BYTES: u64 = 1 << 28;
+
+/// Bytes that a file of this length may unpack to.
+pub(super) fn most_unpacked(file_len: u64) -> u64 {
+    let usual = file_len.saturating_mul(USUAL_COMPRESSION).max(FREE_BYTES);
+    file_len.saturating_mul(MOST_COMPRESSION).min(usual)
+}
+
 /// Larger files, such as those with pictures in them, are read piece by piece.
 const MOST_IN_MEMORY: u64 = 1 << 28;
 
@@ -231,7 +242,7 @@ pub(super) fn check_size(dataset: &Dataset, name: &str, shape: &[u64], file_len:
     let element = dataset.element_size().map_err(damaged)?;
     let bytes_of = |extents: &[u64]| extents.iter().try_fold(element, |bytes, &len| bytes.checked_mul(len));
     let filtered = !dataset.filters().is_empty();
-    let most = if filtered { file_len.saturating_mul(MOST_COMPRESSION) } else { file_len };
+    let most = if filtered { most_unpacked(file_len) } else { file_len };
     let chunk = match dataset.layout().map_err(damaged)? {
         Layout::Chunked { chunk_shape, .. } => bytes_of(&chunk_shape),
         _ => Some(0),
@@ -247,9 +258,11 @@ pub(super) fn check_size(dataset: &Dataset, name: &str, shape: &[u64], file_len:
 
 fn claims_too_much(name: &str, shape: &[u64], file_len: u64) -> Error {
     Error::bad_input(format!(
-        "'{name}' claims shape {shape:?}, more than a file of {file_len} bytes can hold"
+        "'{name}' claims shape {shape:?}, more than a recording in a file of {file_len} bytes holds"
     ))
-    .with_hint("the file is damaged or was not copied completely")
+    .with_hint(
+        "the file is damaged or was not copied completely; if it is right, store it without compression",
+    )
 }
 
 /// Groups in groups that are followed; nobody nests deeper.

@@ -19,6 +19,7 @@ use hdf5_pure::Group;
 use serde::Deserialize;
 
 use crate::basics::error::{Error, Result};
+use crate::basics::files;
 use crate::data::demonstration::episode::{Columns, Episode, Format, Source, trailing_number};
 use crate::data::demonstration::hdf5::{self, damaged, find, find_group};
 use crate::data::demonstration::parquet_table::{self, Table};
@@ -152,7 +153,8 @@ fn leaves(group: &Group, path: &str, deepest: usize, found: &mut Vec<String>) ->
 /// `is_bad_input` if it does; says what is missing or how to go on.
 pub(super) fn check_storage(data: &Path) -> Result<()> {
     let file = data.join(METADATA);
-    let stored: Option<Stored> = fs::read(&file).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    let stored: Option<Stored> =
+        files::read(&file).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
     match stored.and_then(|stored| stored.data_format).as_deref() {
         Some("hdf5") => Err(Error::bad_input(format!(
             "{METADATA} says that the episodes are in main_data.hdf5, and that is missing"
@@ -210,6 +212,9 @@ pub(super) fn read_parquet(path: &Path, columns: &Columns) -> Result<Source> {
 
 /// Refuses a data set that holds more or less than the file beside it says, if there is one.
 fn check_counts(metadata: &Path, episodes: &[Episode]) -> Result<()> {
+    if metadata.exists() {
+        files::check_is_plain(metadata)?;
+    }
     let bytes = match fs::read(metadata) {
         Ok(bytes) => bytes,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),

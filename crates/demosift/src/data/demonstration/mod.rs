@@ -44,6 +44,9 @@ pub struct Demonstration {
     actions: Rows,
 }
 
+/// Numbers beyond this cannot be squared in 32 bits.
+const LARGEST: f32 = 1e18;
+
 impl Demonstration {
     /// Observations `[T, obs]` and the actions `[T, act]` taken on them; all finite, at least one pair.
     pub fn new(observations: Rows, actions: Rows) -> Result<Self> {
@@ -65,8 +68,19 @@ impl Demonstration {
         }
         for (what, rows) in [("observation", observations), ("action", actions)] {
             if let Some((step, column)) = rows.first_not_finite() {
+                let value = rows.row(step)[column];
+                let beyond =
+                    if value.is_infinite() { " (or is beyond 3.4e38, the largest of 32 bits)" } else { "" };
                 return Err(Error::bad_input(format!(
-                    "{what} {column} at step {step} is {}, and must be a finite number",
+                    "{what} {column} at step {step} is {value}{beyond}, and must be a finite number"
+                )));
+            }
+            let too_large = |row: &[f32]| row.iter().position(|value| value.abs() > LARGEST);
+            let found = rows.iter().enumerate().find_map(|(step, row)| Some((step, too_large(row)?)));
+            if let Some((step, column)) = found {
+                return Err(Error::bad_input(format!(
+                    "{what} {column} at step {step} is {:e}, and must be from -{LARGEST:e} to {LARGEST:e}: no robot has such \
+                     numbers, and their squares are infinite",
                     rows.row(step)[column]
                 )));
             }

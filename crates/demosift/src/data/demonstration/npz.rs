@@ -11,7 +11,7 @@ use zip::result::ZipError;
 
 use crate::basics::error::{Error, Result};
 use crate::data::demonstration::episode::Columns;
-use crate::data::demonstration::hdf5::MOST_COMPRESSION;
+use crate::data::demonstration::hdf5::most_unpacked;
 use crate::data::demonstration::listing::ColumnSeen;
 use crate::data::demonstration::named::{Named, half, listed, option_for};
 use crate::data::demonstration::pointer;
@@ -136,7 +136,7 @@ impl Npz {
             .with_hint(option_for(known.iter().map(String::as_str))));
         }
         let mut entry = self.archive.by_name(&format!("{name}.npy")).map_err(damaged)?;
-        let most = self.file_len.saturating_mul(MOST_COMPRESSION);
+        let most = most_unpacked(self.file_len);
         if entry.size() > most {
             return Err(claims_too_much(name, &format!("{} bytes", entry.size()), self.file_len));
         }
@@ -243,8 +243,12 @@ fn each<T, const SIZE: usize>(bytes: &[u8], value: impl Fn([u8; SIZE]) -> T) -> 
 }
 
 fn claims_too_much(name: &str, claim: &str, file_len: u64) -> Error {
-    Error::bad_input(format!("'{name}' claims {claim}, more than a file of {file_len} bytes can hold"))
-        .with_hint("the file is damaged or was not copied completely")
+    Error::bad_input(format!(
+        "'{name}' claims {claim}, more than a recording in a file of {file_len} bytes holds"
+    ))
+    .with_hint(
+        "the file is damaged or was not copied completely; if it is right, store it without compression",
+    )
 }
 
 fn damaged(source: ZipError) -> Error {

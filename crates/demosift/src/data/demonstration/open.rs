@@ -232,7 +232,12 @@ fn detect(path: &Path) -> Result<Format> {
         }
         _ => Error::io("cannot read the demonstrations", path, &source),
     })?;
-    if metadata.is_dir() { of_folder(path) } else { of_file(path) }
+    if !metadata.is_dir() {
+        return of_file(path);
+    }
+    // Without the right to look into it, it would seem to hold nothing.
+    fs::read_dir(path).map_err(|source| Error::io("cannot look into the folder", path, &source))?;
+    of_folder(path)
 }
 
 /// The file or folder that the reader of a format takes.
@@ -278,6 +283,11 @@ fn of_folder(path: &Path) -> Result<Format> {
 
 /// A folder that is none of the known ones; says what it is, where another tool is known to write such.
 fn of_no_folder(path: &Path) -> Error {
+    if let Err(source) = fs::metadata(path.join(RECORDED))
+        && source.kind() == std::io::ErrorKind::PermissionDenied
+    {
+        return Error::io("cannot look into the folder", path, &source);
+    }
     let has = |name: &str| path.join(name).exists();
     if has("dataset_info.json") || has("dataset_dict.json") || has("state.json") {
         return Error::bad_input(

@@ -80,10 +80,10 @@ impl Table {
     /// `is_bad_input` if this is no parquet file or it claims more than it can hold; `is_io` if it may not be read.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let failed = |source: std::io::Error| Error::io("cannot read the demonstrations", path, &source);
+        pointer::refuse(path)?;
         let file = File::open(path).map_err(failed)?;
         let file_len = file.metadata().map_err(failed)?.len();
         let most_numbers = file_len.saturating_mul(MOST_NUMBERS_A_BYTE).max(FEW_NUMBERS);
-        pointer::refuse(path)?;
         let same = file.try_clone().map_err(failed)?;
         let reader = SerializedFileReader::new(same).map_err(|source| damaged(source).at(path))?;
         for group in reader.metadata().row_groups() {

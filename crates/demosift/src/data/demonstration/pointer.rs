@@ -5,11 +5,15 @@ use std::io::Read as _;
 use std::path::Path;
 
 use crate::basics::error::{Error, Result};
+use crate::basics::files;
 
 const START: &[u8] = b"version https://git-lfs.github.com/spec/";
 
 /// Refuses a file that only says where git lfs keeps the real one; what cannot be read is left to others to complain of.
 pub(super) fn refuse(path: &Path) -> Result<()> {
+    if path.exists() {
+        files::check_is_plain(path)?;
+    }
     let mut start = Vec::new();
     let read = File::open(path).and_then(|file| file.take(START.len() as u64).read_to_end(&mut start));
     if read.is_ok() && start == START {

@@ -22,13 +22,13 @@ const RIDGE: f64 = 1e-2;
 const CLIP: f32 = 5.0;
 
 /// Minus the mean squared error of the actions, each in units of its standard deviation over the set, by the policy
-/// cloned from the other demonstrations; nothing to say where no action varies.
+/// cloned from the other demonstrations; nothing to say where no action or no observation varies.
 pub fn cloning_loss(set: &DemonstrationSet) -> Result<Option<Vec<f64>>> {
-    let (features, actions) =
-        (standard_observations(set).iter().map(features).collect::<Vec<_>>(), standard_actions(set));
-    if actions[0].width() == 0 {
+    let (observations, actions) = (standard_observations(set), standard_actions(set));
+    if actions[0].width() == 0 || observations[0].width() == 0 {
         return Ok(None);
     }
+    let features: Vec<Rows> = observations.iter().map(features).collect();
     let losses: Result<Vec<f64>> = (0..set.len())
         .into_par_iter()
         .map(|left_out| {

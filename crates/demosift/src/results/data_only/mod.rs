@@ -133,6 +133,11 @@ fn standard_observations(set: &DemonstrationSet) -> Vec<Rows> {
     standardized(&set.iter().map(|(_, demonstration)| demonstration.observations()).collect::<Vec<_>>())
 }
 
+/// Whether any number of the observations varies over the set.
+pub(crate) fn observations_vary(set: &DemonstrationSet) -> bool {
+    standard_observations(set).iter().any(|table| table.width() > 0)
+}
+
 /// The set's actions, standardized, a table each demonstration.
 fn standard_actions(set: &DemonstrationSet) -> Vec<Rows> {
     standardized(&set.iter().map(|(_, demonstration)| demonstration.actions()).collect::<Vec<_>>())

@@ -1,13 +1,13 @@
 //! Which arrows of the flow are still to be made, and in which order: the flow makes these, and the forecast counts them.
 
-use super::{Config, Run};
+use super::{Config, Run, forget_checkpoint};
 use crate::basics::error::Result;
 use crate::learning::adapt::MetaPrior;
-use crate::results::artifact::Artifact;
+use crate::results::artifact::{self, Artifact};
 use crate::results::panel::Judge;
-use crate::stages::judge::Judged;
+use crate::stages::judge::{self, Judged};
 use crate::stages::select::Keep;
-use crate::stages::subset_selection::Weighing;
+use crate::stages::subset_selection::{self, Weighing};
 
 /// An arrow of the flow that plays, by what it makes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +29,15 @@ impl Arrow {
         }
     }
 
+    /// The stage that makes it, with its part.
+    fn stage(self, config: &Config) -> Option<(&'static str, &'static str)> {
+        match self {
+            Self::Prior => config.method.stage().map(|stage| (stage, "")),
+            Self::Scores(judge) => Some((judge::STAGE, judge.name())),
+            Self::Weighing => Some((subset_selection::STAGE, "")),
+        }
+    }
+
     /// Whether what it makes is stored.
     fn is_made(self, run: &Run<'_>) -> Result<bool> {
         Ok(match self {
@@ -37,6 +46,17 @@ impl Arrow {
             Self::Weighing => Weighing::recall(run.ledger, "")?.is_some(),
         })
     }
+}
+
+/// Forgets the checkpoints of all that is made of what is wanted, as a kill may have come before.
+pub(crate) fn tidy(run: &mut Run<'_>, wanted: &[Arrow]) -> Result<()> {
+    for arrow in wanted.iter().flat_map(|arrow| arrow.from().into_iter().chain([*arrow])) {
+        let Some((stage, part)) = arrow.stage(run.config) else { continue };
+        if run.ledger.recall(&artifact::checkpoint_name(stage, part))?.is_some() && arrow.is_made(run)? {
+            forget_checkpoint(run.ledger, stage, part);
+        }
+    }
+    Ok(())
 }
 
 /// The scores of every judge that is asked.

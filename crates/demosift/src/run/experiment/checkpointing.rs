@@ -1,6 +1,6 @@
 //! How a stage of a run is stored: its checkpoints as it goes, its result and what it cost when it is finished.
 
-use crate::basics::error::{Error, Result};
+use crate::basics::error::Result;
 use crate::basics::ledger::Ledger;
 use crate::basics::observer::{Event, Observer, Snapshot};
 use crate::results::artifact::{self, Artifact};
@@ -16,7 +16,6 @@ pub struct Checkpointing<'a> {
     checkpoint: String,
     /// Environment steps of this stage before this process, less those of this process before this stage.
     offset: u64,
-    failed: Option<Error>,
 }
 
 /// A state, behind the environment steps that it took to come there.
@@ -29,6 +28,13 @@ impl Snapshot for Counted<'_> {
         bytes.extend(self.1.to_bytes());
         bytes
     }
+}
+
+/// Forgets the checkpoint of a stage whose result is stored: a kill may have come between the two.
+///
+/// It changes no result, so where it cannot be forgotten, as on a disk that is only read, it may lie there.
+pub fn forget_checkpoint(ledger: &mut dyn Ledger, stage: &str, part: &str) {
+    let _ = ledger.forget(&artifact::checkpoint_name(stage, part));
 }
 
 /// A stage's part as one name.
@@ -60,6 +66,7 @@ impl<'a> Checkpointing<'a> {
         part: &str,
         start: impl FnOnce() -> Result<State>,
     ) -> Result<(State, Self)> {
+        ledger.claim()?;
         let checkpoint = artifact::checkpoint_name(stage, part);
         let (spent, state): (u64, State) = match ledger.recall(&checkpoint)? {
             Some(bytes) => artifact::read_checkpoint(&bytes, &checkpoint)?,
@@ -67,7 +74,7 @@ impl<'a> Checkpointing<'a> {
         };
         let offset = spent.wrapping_sub(playground.steps_taken());
         let stage = stage_name(stage, part);
-        Ok((state, Self { ledger, observer, playground, stage, checkpoint, offset, failed: None }))
+        Ok((state, Self { ledger, observer, playground, stage, checkpoint, offset }))
     }
 
     fn spent(&self) -> u64 {
@@ -83,9 +90,7 @@ impl<'a> Checkpointing<'a> {
     /// The same for a stage that knows what it played: of units side by side, a checkpoint finds some half played.
     pub fn finish_having(self, environment_steps: u64, part: &str, result: &impl Artifact) -> Result<()> {
         let spent = Spent { environment_steps };
-        if let Some(error) = self.failed {
-            return Err(error);
-        }
+        self.observer.on(Event::Finished { stage: &self.stage })?;
         spent.store(self.ledger, &self.stage)?;
         result.store(self.ledger, part)?;
         self.ledger.forget(&self.checkpoint)
@@ -93,13 +98,119 @@ impl<'a> Checkpointing<'a> {
 }
 
 impl Observer for Checkpointing<'_> {
-    fn on(&mut self, event: Event<'_>) {
-        if let Event::Checkpoint { state, .. } = &event {
-            let counted = artifact::write_checkpoint(&Counted(self.spent(), *state));
-            if let Err(error) = self.ledger.store(&self.checkpoint, &counted) {
-                self.failed.get_or_insert(error);
-            }
+    fn on(&mut self, event: Event<'_>) -> Result<()> {
+        let Event::Checkpoint { state, .. } = &event else { return self.observer.on(event) };
+        let counted = artifact::write_checkpoint(&Counted(self.spent(), *state));
+        // In this order: what was measured on the way to a state is not measured again from there.
+        self.observer.on(event)?;
+        self.ledger.store(&self.checkpoint, &counted)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::basics::error::Error;
+    use crate::basics::ledger::InMemory;
+    use crate::basics::observer::Silent;
+    use crate::basics::seed::Seed;
+    use crate::results::panel::Judge;
+    use crate::run::experiment::{Config, Run, scores};
+    use crate::run::preset::Preset;
+    use crate::stages::judge::ScoreTable;
+    use crate::world::point_mass::{PointMass, planted_set};
+
+    /// A ledger on a disk that is full from some write on.
+    struct Full<'a> {
+        inner: &'a mut InMemory,
+        left: usize,
+    }
+
+    impl Ledger for Full<'_> {
+        fn recall(&self, name: &str) -> Result<Option<Vec<u8>>> {
+            self.inner.recall(name)
         }
-        self.observer.on(event);
+
+        fn store(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+            self.left = self.left.checked_sub(1).ok_or_else(full)?;
+            self.inner.store(name, bytes)
+        }
+
+        fn forget(&mut self, name: &str) -> Result<()> {
+            self.inner.forget(name)
+        }
+    }
+
+    /// Measurements that cannot be written from some on.
+    struct Deaf(usize);
+
+    impl Observer for Deaf {
+        fn on(&mut self, event: Event<'_>) -> Result<()> {
+            if let Event::Measured { .. } = event {
+                self.0 = self.0.checked_sub(1).ok_or_else(full)?;
+            }
+            Ok(())
+        }
+    }
+
+    fn full() -> Error {
+        Error::io("cannot write", std::path::Path::new("disk"), &std::io::ErrorKind::StorageFull.into())
+    }
+
+    fn tiny() -> Config {
+        let mut config = Preset::Quick.config();
+        (config.meta_train.rounds, config.meta_train.checkpoint_every) = (8, 2);
+        (config.inner.batch_steps, config.judge.iterations, config.judge.evaluations) = (120, 2, 2);
+        config
+    }
+
+    fn judged(ledger: &mut dyn Ledger, observer: &mut dyn Observer) -> (Result<ScoreTable>, u64) {
+        let (set, task) = (planted_set(&[0.0, 90.0], Seed::new(1)).expect("a valid set"), PointMass::new());
+        let (playground, config) = (Playground::new(&task), tiny());
+        let mut run = Run { set: &set, playground: &playground, config: &config, ledger, observer };
+        let scores = scores(&mut run, Judge::Paper);
+        (scores, playground.steps_taken())
+    }
+
+    #[test]
+    fn a_write_that_fails_stops_the_stage_and_nothing_before_it_is_lost() {
+        let (whole, all_steps) = judged(&mut InMemory::default(), &mut Silent);
+        let whole = whole.expect("judges");
+        for left in 0..5 {
+            let mut kept = InMemory::default();
+            let (failed, steps) = judged(&mut Full { inner: &mut kept, left }, &mut Silent);
+            assert!(failed.expect_err("a full disk").is_io());
+            // Of eight rounds of learning and then judging, it went on to the next checkpoint alone.
+            assert!(steps < all_steps, "{steps} of {all_steps} with {left} writes");
+            let (again, rest) = judged(&mut kept, &mut Silent);
+            assert_eq!(again.expect("judges"), whole, "{left}");
+            assert!(left == 0 || rest < all_steps, "{rest} of {all_steps} after {left} writes");
+        }
+        let (failed, steps) = judged(&mut InMemory::default(), &mut Deaf(2));
+        assert!(failed.expect_err("a full disk").is_io() && steps < all_steps / 2, "{steps} of {all_steps}");
+    }
+
+    #[test]
+    fn a_checkpoint_that_a_kill_left_is_forgotten() {
+        let mut ledger = InMemory::default();
+        judged(&mut ledger, &mut Silent).0.expect("judges");
+        let name = artifact::checkpoint_name("judge", "paper");
+        let prior = artifact::checkpoint_name("meta_train", "");
+        for name in [&name, &prior] {
+            ledger.store(name, b"left").expect("memory");
+        }
+        let (set, task) = (planted_set(&[0.0, 90.0], Seed::new(1)).expect("a valid set"), PointMass::new());
+        let (playground, mut config) = (Playground::new(&task), tiny());
+        config.judges = crate::results::panel::Judges::Paper;
+        let mut run = Run {
+            set: &set,
+            playground: &playground,
+            config: &config,
+            ledger: &mut ledger,
+            observer: &mut Silent,
+        };
+        crate::run::experiment::panel(&mut run).expect("is judged");
+        assert_eq!(playground.steps_taken(), 0);
+        assert!([&name, &prior].iter().all(|name| ledger.recall(name).expect("memory").is_none()));
     }
 }

@@ -7,6 +7,7 @@ use crate::learning::adapt::{InnerUpdate, Rule};
 use crate::learning::advantage::AdvantageEstimation;
 use crate::learning::behavioral_cloning::{Cloning, Descent};
 use crate::learning::trpo::TrustRegion;
+use crate::results::data_only;
 use crate::stages::demonstrator::DemonstratorTraining;
 use crate::stages::judge::Judging;
 use crate::stages::meta_train::{MutualInformation, Order};
@@ -19,7 +20,7 @@ use crate::world::policy::PolicyShape;
 /// Whether a set was recorded in a task of these sizes.
 ///
 /// # Errors
-/// `is_bad_input` if observations or actions have another size.
+/// `is_bad_input` if observations or actions have another size, or nothing that is observed varies.
 pub fn check_fits(set: &DemonstrationSet, task: &Specification) -> Result<()> {
     let sizes = [
         ("observation", set.observation_size(), task.observation_size),
@@ -33,6 +34,13 @@ pub fn check_fits(set: &DemonstrationSet, task: &Specification) -> Result<()> {
             ))
             .with_hint("check that the set was recorded in this task"));
         }
+    }
+    if !data_only::observations_vary(set) {
+        return Err(Error::bad_input(
+            "no number of the observations varies over the set, so nothing can be learned from it: a policy could not tell one \
+             state from another",
+        )
+        .with_hint("check which columns were recorded; `demosift inspect` shows them"));
     }
     Ok(())
 }

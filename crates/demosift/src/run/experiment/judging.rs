@@ -1,6 +1,6 @@
 //! DemonstrationSet → MetaPrior → ScoreTable → Panel: each judge that is asked, and what they say together.
 
-use super::{Checkpointing, Config, Run, arrows, cut, make, stage_name};
+use super::{Checkpointing, Config, Run, arrows, check_known, cut, forget_checkpoint, make, stage_name};
 use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::basics::seed::Seed;
@@ -52,6 +52,9 @@ pub(crate) fn learning(config: &Config) -> Learning<'_> {
 /// DemonstrationSet → MetaPrior, by the run's method.
 pub fn prior(run: &mut Run<'_>) -> Result<MetaPrior> {
     if let Some(prior) = Artifact::recall(run.ledger, "")? {
+        if let Some(stage) = run.config.method.stage() {
+            forget_checkpoint(run.ledger, stage, "");
+        }
         return Ok(prior);
     }
     check_budget(run.set, run.playground, run.config)?;
@@ -110,6 +113,8 @@ pub(crate) fn cloning_update(config: &Config) -> InnerUpdate {
 /// DemonstrationSet → ScoreTable, by one judge; that of the paper learns its prior first.
 pub fn scores(run: &mut Run<'_>, judge: Judge) -> Result<ScoreTable> {
     if let Some(Judged { scores, .. }) = Artifact::recall(run.ledger, judge.name())? {
+        let demos = scores.suitabilities.iter().map(|of| of.demo);
+        check_known(run.set, demos, &format!("the scores of the judge {}", judge.name()))?;
         return Ok(scores);
     }
     match judge {

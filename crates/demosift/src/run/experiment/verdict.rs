@@ -33,12 +33,15 @@ pub const BEST: &str = "best";
 pub fn verdict(run: &mut Run<'_>, kept: &[NamedSubset]) -> Result<Verdict> {
     let candidates = referee::candidates(&run.set.ids(), kept)?;
     if let Some(verdict) = recalled(run.ledger, &candidates)? {
+        // Again, in case that it was changed since.
+        store_best(run, &verdict)?;
         return Ok(verdict);
     }
+    run.ledger.claim()?;
     let total = meant_steps(run, &referee::meant(&candidates, &run.config.referee));
     let left = meant_steps(run, &rest(run, &candidates)?);
     let mut done = total - left;
-    run.observer.on(Event::Started { stage: STAGE, done, total });
+    run.observer.on(Event::Started { stage: STAGE, done, total })?;
     let mut contest = Contest::new(candidates, run.config.referee);
     let mut played = 0;
     loop {
@@ -48,11 +51,12 @@ pub fn verdict(run: &mut Run<'_>, kept: &[NamedSubset]) -> Result<Verdict> {
         }
         let curves = train_all(run, contest.candidates(), &units, &mut done)?;
         for (unit, curve) in units.into_iter().zip(&curves) {
-            measured(run.observer, contest.candidates(), unit, curve);
+            measured(run.observer, contest.candidates(), unit, curve)?;
             played += curve.played;
             contest.add(unit, Training::of(curve));
         }
     }
+    run.observer.on(Event::Finished { stage: STAGE })?;
     let verdict = contest.decide(run.playground.task().heuristic().unit());
     store(run, &verdict, played)?;
     Ok(verdict)
@@ -65,6 +69,15 @@ fn recalled(ledger: &dyn Ledger, candidates: &[Candidate]) -> Result<Option<Verd
 
 /// Stores what the trainings cost, the policy to be handed over, and at last the verdict, which says that all is done.
 fn store(run: &mut Run<'_>, verdict: &Verdict, played: u64) -> Result<()> {
+    store_best(run, verdict)?;
+    if played > 0 {
+        Spent { environment_steps: played }.store(run.ledger, STAGE)?;
+    }
+    verdict.store(run.ledger, "")
+}
+
+/// Stores the policy to be handed over, as far as its training is stored.
+fn store_best(run: &mut Run<'_>, verdict: &Verdict) -> Result<()> {
     if let Some((winner, training)) = verdict.winner.zip(verdict.best_training) {
         let pair = &verdict.pairs[winner].trained;
         let part = part(&verdict.candidates[pair.candidate], pair.imitator, training);
@@ -74,10 +87,7 @@ fn store(run: &mut Run<'_>, verdict: &Verdict, played: u64) -> Result<()> {
             onnx::store_policy(run.ledger, BEST, &curve.best, run.playground.specification())?;
         }
     }
-    if played > 0 {
-        Spent { environment_steps: played }.store(run.ledger, STAGE)?;
-    }
-    verdict.store(run.ledger, "")
+    Ok(())
 }
 
 /// Trainings that are still to be made, as far as can be said before they are: those of pairs that will be dropped count.
@@ -181,11 +191,16 @@ fn train(ground: Ground<'_>, unit: Unit, shared: &Mutex<Shared<'_>>) -> Result<L
     curve.store(shared.ledger, &part)?;
     *shared.done += Effort::of(playground.specification(), &imitation).steps() as usize;
     let done = *shared.done;
-    shared.observer.on(Event::Advanced { stage: STAGE, done });
+    shared.observer.on(Event::Advanced { stage: STAGE, done })?;
     Ok(curve)
 }
 
-fn measured(observer: &mut dyn Observer, candidates: &[Candidate], unit: Unit, curve: &LearningCurve) {
+fn measured(
+    observer: &mut dyn Observer,
+    candidates: &[Candidate],
+    unit: Unit,
+    curve: &LearningCurve,
+) -> Result<()> {
     let part = format!("{}_{}", candidates[unit.candidate].key, imitator_name(unit.imitator).to_lowercase());
     let numbers = [
         ("score", curve.outcome.score),
@@ -194,5 +209,5 @@ fn measured(observer: &mut dyn Observer, candidates: &[Candidate], unit: Unit, c
         ("end", curve.end.score),
     ];
     let iteration = unit.training;
-    observer.on(Event::Measured { stage: STAGE, part: &part, iteration, numbers: &numbers });
+    observer.on(Event::Measured { stage: STAGE, part: &part, iteration, numbers: &numbers })
 }

@@ -2,6 +2,7 @@
 
 use super::unit::{Outcome, Unit};
 use super::{JudgingState, STAGE};
+use crate::basics::error::Result;
 use crate::basics::observer::{Event, Observer};
 
 /// A checkpoint is written when the state has grown by such a share since the last one, so that writing stays linear in the
@@ -32,11 +33,11 @@ impl<'a> Collecting<'a> {
         units: &'a [Unit],
         state: &'a mut JudgingState,
         observer: &'a mut dyn Observer,
-    ) -> Self {
+    ) -> Result<Self> {
         let stored = state.done();
         let mut collecting = Self { part, units, told: 0, stored, played: 0, state, observer };
-        collecting.tell();
-        collecting
+        collecting.tell()?;
+        Ok(collecting)
     }
 
     /// The units that are not finished, in their order.
@@ -45,45 +46,49 @@ impl<'a> Collecting<'a> {
     }
 
     /// Takes in an outcome; one of a unit that is finished, or that nobody asked for, changes nothing.
-    pub(super) fn take(&mut self, unit: Unit, outcome: Outcome) {
+    pub(super) fn take(&mut self, unit: Unit, outcome: Outcome) -> Result<()> {
         if self.state.finished.contains_key(&unit) || !self.units.contains(&unit) {
-            return;
+            return Ok(());
         }
         self.played += outcome.played;
         self.state.finished.insert(unit, outcome);
-        self.tell();
+        self.tell()?;
         let done = self.state.done();
-        self.observer.on(Event::Advanced { stage: STAGE, done });
+        self.observer.on(Event::Advanced { stage: STAGE, done })?;
         let has_grown = (done - self.stored) * GROWTH >= self.stored.max(1);
         if has_grown || self.played >= done as u64 * STEPS_PER_WRITTEN_UNIT {
-            self.checkpoint();
+            self.checkpoint()?;
         }
+        Ok(())
     }
 
     /// Stores what came since the last checkpoint.
-    pub(super) fn checkpoint(&mut self) {
+    pub(super) fn checkpoint(&mut self) -> Result<()> {
         if self.state.done() > self.stored {
             (self.stored, self.played) = (self.state.done(), 0);
-            self.observer.on(Event::Checkpoint { stage: STAGE, part: self.part, state: self.state });
+            self.observer.on(Event::Checkpoint { stage: STAGE, part: self.part, state: self.state })?;
         }
+        Ok(())
     }
 
     /// Passes on the numbers of all units up to the first that is not finished.
-    fn tell(&mut self) {
+    fn tell(&mut self) -> Result<()> {
         while let Some(unit) = self.units.get(self.told) {
-            let Some(outcome) = self.state.finished.get(unit) else { return };
-            report(self.part, unit, outcome, self.observer);
+            let Some(outcome) = self.state.finished.get(unit) else { break };
+            report(self.part, unit, outcome, self.observer)?;
             self.told += 1;
         }
+        Ok(())
     }
 }
 
-fn report(judging: &str, unit: &Unit, outcome: &Outcome, observer: &mut dyn Observer) {
-    let Some(demo) = unit.demo else { return };
+fn report(judging: &str, unit: &Unit, outcome: &Outcome, observer: &mut dyn Observer) -> Result<()> {
+    let Some(demo) = unit.demo else { return Ok(()) };
     let unit = format!("variant {} demonstration {demo} repeat {}", unit.variant.0, unit.repeat);
     let part = if judging.is_empty() { unit } else { format!("{judging} {unit}") };
     for (iteration, update) in outcome.curve.iter().enumerate() {
         let numbers = &update.numbers();
-        observer.on(Event::Measured { stage: STAGE, part: &part, iteration, numbers });
+        observer.on(Event::Measured { stage: STAGE, part: &part, iteration, numbers })?;
     }
+    Ok(())
 }

@@ -11,7 +11,8 @@ use crate::basics::error::Result;
 pub type JudgeUnit<'a> = dyn Fn(&Unit) -> Result<Outcome> + Sync + 'a;
 
 /// Takes the outcome of a unit as soon as it is there; of a unit that comes twice it takes the first.
-pub type HandIn<'a> = dyn FnMut(Unit, Outcome) + Send + 'a;
+/// It fails if the outcome cannot be stored, and then no further unit is to be judged.
+pub type HandIn<'a> = dyn FnMut(Unit, Outcome) -> Result<()> + Send + 'a;
 
 /// Where units are judged.
 ///
@@ -36,8 +37,7 @@ impl Crew for Threads {
         let hand_in = Mutex::new(hand_in);
         units.iter().par_bridge().try_for_each(|unit| {
             let outcome = one(unit)?;
-            hand_in.lock().expect("no thread panics while it holds the lock")(*unit, outcome);
-            Ok(())
+            hand_in.lock().expect("no thread panics while it holds the lock")(*unit, outcome)
         })
     }
 }

@@ -64,7 +64,7 @@ struct Backwards;
 impl Crew for Backwards {
     fn judge(&self, units: &[Unit], one: &JudgeUnit<'_>, hand_in: &mut HandIn<'_>) -> Result<()> {
         units.iter().rev().try_for_each(|unit| {
-            hand_in(*unit, one(unit)?);
+            hand_in(*unit, one(unit)?)?;
             Ok(())
         })
     }
@@ -81,7 +81,7 @@ impl Crew for TwiceAndOneIsLost {
                 let outcome = one(unit)?;
                 if place % 2 == keeps {
                     let mut hand_in = hand_in.lock().expect("no panic");
-                    hand_in(*unit, outcome);
+                    hand_in(*unit, outcome)?;
                 }
             }
             Ok(())
@@ -101,8 +101,8 @@ impl Crew for Forgetful {
     fn judge(&self, units: &[Unit], one: &JudgeUnit<'_>, hand_in: &mut HandIn<'_>) -> Result<()> {
         for unit in &units[..units.len().div_ceil(2)] {
             let outcome = one(unit)?;
-            hand_in(*unit, outcome.clone());
-            hand_in(*unit, outcome);
+            hand_in(*unit, outcome.clone())?;
+            hand_in(*unit, outcome)?;
         }
         Ok(())
     }
@@ -145,7 +145,7 @@ struct Failing {
 impl Crew for Failing {
     fn judge(&self, units: &[Unit], one: &JudgeUnit<'_>, hand_in: &mut HandIn<'_>) -> Result<()> {
         for unit in &units[..self.judges] {
-            hand_in(*unit, one(unit)?);
+            hand_in(*unit, one(unit)?)?;
         }
         (self.with)()
     }

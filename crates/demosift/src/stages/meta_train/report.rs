@@ -1,6 +1,7 @@
 //! What a round of meta-training tells: means over its demonstrations.
 
 use super::{MetaState, Outcome, PlayedRound, Round, STAGE};
+use crate::basics::error::Result;
 use crate::basics::observer::{Event, Observer};
 use crate::math::statistics::{mean, mean_of};
 use crate::world::environment::EnvVariant;
@@ -11,7 +12,7 @@ pub(super) fn report(
     played: &PlayedRound,
     updated: Vec<(&'static str, f64)>,
     observer: &mut dyn Observer,
-) {
+) -> Result<()> {
     let PlayedRound { outcomes, information, behavior_spread, .. } = played;
     let mut numbers = Vec::new();
     let after: Vec<f64> = outcomes.iter().filter_map(|outcome| outcome.after.mean_score()).collect();
@@ -38,8 +39,8 @@ pub(super) fn report(
             ("information_kl", information.kl),
         ]);
     }
-    observer.on(Event::Measured { stage: STAGE, part: "", iteration: state.rounds, numbers: &numbers });
-    observer.on(Event::Advanced { stage: STAGE, done: state.rounds });
+    observer.on(Event::Measured { stage: STAGE, part: "", iteration: state.rounds, numbers: &numbers })?;
+    observer.on(Event::Advanced { stage: STAGE, done: state.rounds })
 }
 
 /// How far the adapted behaviors lie apart: the root mean square, over times and filtered observations, of what the mean

@@ -255,7 +255,7 @@ fn a_header_that_claims_too_much_asks_for_no_memory() {
     let claims = include_bytes!("testdata/claims_too_much.hdf5");
     assert_says(
         &error_of("claims", claims),
-        &["'observations' claims shape [8589934592, 17]", "a file of 1672 bytes can hold"],
+        &["'observations' claims shape [8589934592, 17]", "a file of 1672 bytes holds"],
     );
 }
 
