@@ -1,6 +1,7 @@
 use std::sync::Mutex;
 
 use super::*;
+use crate::learning::adapt;
 use crate::run::preset::Preset;
 use crate::world::point_mass::{PointMass, planted_set};
 
@@ -20,7 +21,7 @@ struct Listening {
 }
 
 impl Observer for Listening {
-    fn on(&mut self, event: Event<'_>) {
+    fn on(&mut self, event: Event<'_>) -> Result<()> {
         match event {
             Event::Measured { part, iteration, numbers, .. } => {
                 self.told.push(format!("{part} {iteration} {numbers:?}"));
@@ -28,6 +29,7 @@ impl Observer for Listening {
             Event::Checkpoint { state, .. } => self.checkpoints.push(state.to_bytes()),
             _ => {}
         }
+        Ok(())
     }
 }
 
@@ -43,7 +45,11 @@ fn with_trial<T>(work: impl FnOnce(&Trial<'_>) -> T) -> T {
     work(&Trial {
         set: &set,
         playground: &Playground::new(&task),
-        start: Start::Untrained { shape: &shape, discriminator_hidden: &[8] },
+        start: Start::Untrained {
+            shape: &shape,
+            discriminator_hidden: &[8],
+            filter: &adapt::filter_of(&set),
+        },
         inner: &inner,
         judging: &judging,
         cut: 1,
@@ -183,8 +189,8 @@ fn a_unit_that_took_long_is_stored_as_soon_as_it_is_finished() {
     let checkpoints = |steps: u64| {
         let (mut state, mut listening) = (JudgingState::default(), Listening::default());
         state.finished.extend((0..100).map(|demo| (unit(demo), outcome(0))));
-        let mut collecting = Collecting::new("", &units, &mut state, &mut listening);
-        (100..103).for_each(|demo| collecting.take(unit(demo), outcome(steps)));
+        let mut collecting = Collecting::new("", &units, &mut state, &mut listening).expect("nothing fails");
+        (100..103).for_each(|demo| collecting.take(unit(demo), outcome(steps)).expect("nothing fails"));
         listening.checkpoints.len()
     };
     assert_eq!(checkpoints(85_000), 3);
