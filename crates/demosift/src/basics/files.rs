@@ -38,7 +38,7 @@ pub fn cannot_write(path: &Path, source: &std::io::Error) -> Error {
 /// A new file, whatever an attempt before left in its place: a link that somebody laid there is removed and not followed.
 fn create_anew(path: &Path) -> std::io::Result<fs::File> {
     match fs::remove_file(path) {
-        Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
         _ => fs::OpenOptions::new().write(true).create_new(true).open(path),
     }
 }
