@@ -3,13 +3,14 @@
 //! The file is nothing but those rows written another way. When a run goes on it is made to hold them all, whatever a
 //! kill left of it, so that nothing is missing and nothing doubled, and a run of before there was such a file gets it.
 
-use std::fs::{File, OpenOptions};
-use std::io::{ErrorKind, Write as _};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use demosift::results::tensorboard;
 use demosift::{Error, Result};
 use serde_json::Value;
+
+use crate::appended::Appended;
 
 /// TensorBoard looks for `tfevents` in the name.
 const NAME: &str = "events.out.tfevents.demosift";
@@ -17,7 +18,7 @@ const NAME: &str = "events.out.tfevents.demosift";
 #[derive(Debug)]
 pub(crate) struct EventFile {
     path: PathBuf,
-    file: File,
+    file: Appended,
     /// Measurements in the file.
     held: usize,
 }
@@ -36,15 +37,15 @@ impl EventFile {
         let records = rows.iter().enumerate().flat_map(|(place, row)| record(place, row));
         let wanted: Vec<u8> = tensorboard::first_record().into_iter().chain(records).collect();
         let right = found.iter().zip(&wanted).take_while(|(found, wanted)| found == wanted).count();
-        let mut file = OpenOptions::new().create(true).append(true).open(&path).map_err(failed)?;
-        file.set_len(right as u64).and_then(|()| file.write_all(&wanted[right..])).map_err(failed)?;
+        let (counts, found) = (right as u64, found.len() as u64);
+        let file = Appended::after(&path, counts, found, &wanted[right..]).map_err(failed)?;
         Ok(Self { path, file, held: rows.len() })
     }
 
     /// Appends a row.
     pub(crate) fn append(&mut self, row: &Value) -> Result<()> {
         self.file
-            .write_all(&record(self.held, row))
+            .append(&record(self.held, row))
             .map_err(|source| Error::io("cannot write the events", &self.path, &source))?;
         self.held += 1;
         Ok(())

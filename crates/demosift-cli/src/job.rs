@@ -18,6 +18,7 @@ use demosift::{Error, Result};
 use toml::Table;
 
 use crate::arguments::{JobArguments, PresetName, RunArguments};
+use crate::asked_again;
 use crate::configuration::{self, Layer};
 use crate::demonstrations::{self, Demonstrations};
 use crate::interruption;
@@ -90,7 +91,10 @@ impl Job {
             let layer = Table::from_iter([("referee".to_owned(), toml::Value::Table(layer))]);
             configuration::apply(&mut values, &Layer { source: "--referee".to_owned(), values: layer })?;
         }
-        let values = configuration::of_job(values);
+        let mut values = configuration::of_job(values);
+        if let Some(begun) = &plan.begun {
+            asked_again::remember(&plan.out, &begun.configuration, &mut values);
+        }
         let config: Config = configuration::typed(values.clone())?;
         experiment::check(&set, plan.chosen.task.specification(), &config)
             .map_err(|error| if error.is_bad_input() { error.at(&path) } else { error })?;
@@ -114,15 +118,16 @@ impl Job {
         let out = self.folder.path().join(goal);
         let begun = run_folder::look_into(&out, true)?;
         let identity = identity(&chosen, Some(self.data.clone()));
-        let (folder, progress) = if dry {
-            (RunFolder::look(out, begun.as_ref(), &identity, &self.values)?, Progress::of_bar_only())
-        } else {
-            let mut folder = RunFolder::open(out, begun.as_ref(), &identity, &self.values)?;
+        let open = if dry { RunFolder::look } else { RunFolder::open };
+        let mut folder = open(out, begun.as_ref(), &identity, &self.values)?;
+        if !dry {
             // Whoever interrupts it goes on with the whole.
             interruption::run_is_in(self.folder.path());
-            experiment::hand_on(&self.folder, &mut folder, self.chosen.task.specification().variant(goal)?)?;
-            let progress = Progress::new(MetricsFile::open(folder.path())?);
-            (folder, progress)
+        }
+        experiment::hand_on(&self.folder, &mut folder, self.chosen.task.specification().variant(goal)?)?;
+        let progress = match dry {
+            true => Progress::of_bar_only(),
+            false => Progress::new(MetricsFile::open(folder.path())?),
         };
         Ok(Self {
             set: self.set.clone(),
@@ -205,6 +210,11 @@ impl Job {
         self.config.keep
     }
 
+    /// Under which name the policy is stored that one training made of the kept.
+    pub(crate) fn kept_part(&self) -> String {
+        experiment::kept_part(&self.config)
+    }
+
     /// How many are kept, as far as it is known before judging.
     pub(crate) fn k(&self) -> usize {
         self.config.keep.count_before_judging(self.set.len())
@@ -266,6 +276,9 @@ impl Request {
                 configuration::preset(preset.map_or(Preset::Standard, Preset::from), chosen.values.clone())?
             }
         };
+        if let Some(begun) = &begun {
+            values.extend(asked_again::last(&begun.configuration));
+        }
         for layer in layers(arguments)? {
             configuration::apply(&mut values, &layer)?;
         }

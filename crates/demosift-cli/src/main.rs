@@ -1,7 +1,9 @@
 //! The `demosift` command: which demonstrations should your agent learn from?
 
 mod answers;
+mod appended;
 mod arguments;
+mod asked_again;
 mod commands;
 mod configuration;
 mod demonstrations;

@@ -5,13 +5,12 @@
 //! The same rows stand in a file for TensorBoard.
 
 use std::collections::BTreeSet;
-use std::fs::{File, OpenOptions};
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use demosift::{Error, Result};
 use serde_json::{Value, json};
 
+use crate::appended::Appended;
 use crate::event_file::EventFile;
 use crate::writing::undisturbed;
 
@@ -21,7 +20,7 @@ type Row = (String, String, u64);
 #[derive(Debug)]
 pub(crate) struct MetricsFile {
     path: PathBuf,
-    file: File,
+    file: Appended,
     held: BTreeSet<Row>,
     events: EventFile,
 }
@@ -40,8 +39,7 @@ impl MetricsFile {
         let read = |line| row_of(line).ok_or_else(|| unreadable(line, &path));
         let rows = text[..whole].lines().map(read).collect::<Result<Vec<_>>>()?;
         let (held, rows): (_, Vec<Value>) = rows.into_iter().unzip();
-        let file = OpenOptions::new().create(true).append(true).open(&path).map_err(failed)?;
-        file.set_len(whole as u64).map_err(failed)?;
+        let file = Appended::after(&path, whole as u64, text.len() as u64, &[]).map_err(failed)?;
         let events = EventFile::open(folder, &rows)?;
         Ok(Self { path, file, held, events })
     }
@@ -68,7 +66,7 @@ impl MetricsFile {
         let (_, row) = row_of(&line).expect("the line was made just now");
         undisturbed(|| {
             self.file
-                .write_all(line.as_bytes())
+                .append(line.as_bytes())
                 .map_err(|source| Error::io("cannot write the metrics", &self.path, &source))?;
             self.events.append(&row)
         })

@@ -1,5 +1,6 @@
 //! The run folder: what a run depends on, and every noun and checkpoint as a file.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -13,6 +14,7 @@ use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};
 use toml::Table;
 
+use crate::asked_again::{self, fixed};
 use crate::configuration;
 use crate::interruption;
 use crate::writing::undisturbed;
@@ -136,7 +138,7 @@ pub(crate) fn of_finished(folder: &Path) -> Result<(Identity, RunFolder)> {
             .at(folder)
             .with_hint("give the folder that the run had as --out, or runs/NAME of its task"));
     }
-    Ok((read_identity(&file)?, RunFolder { path: folder.to_owned() }))
+    Ok((read_identity(&file)?, RunFolder { path: folder.to_owned(), unwritten: None }))
 }
 
 /// The configuration of a run, as it is written down.
@@ -167,6 +169,8 @@ fn read_identity(path: &Path) -> Result<Identity> {
 #[derive(Debug)]
 pub(crate) struct RunFolder {
     path: PathBuf,
+    /// What is there instead of the files, where nothing may be written; `None` for a file that is taken to be away.
+    unwritten: Option<BTreeMap<String, Option<Vec<u8>>>>,
 }
 
 impl RunFolder {
@@ -177,11 +181,12 @@ impl RunFolder {
         identity: &Identity,
         configuration: &Table,
     ) -> Result<Self> {
-        if begun.is_some() {
-            let folder = Self::look(path, begun, identity, configuration)?;
-            remove_partial(&folder.path)?;
-            interruption::run_is_in(&folder.path);
-            return Ok(folder);
+        if let Some(begun) = begun {
+            check_same(begun, identity, configuration).map_err(|error| error.at(&path))?;
+            remove_partial(&path)?;
+            asked_again::settle(&path, &begun.configuration, configuration)?;
+            interruption::run_is_in(&path);
+            return Ok(Self { path, unwritten: None });
         }
         fs::create_dir_all(&path).map_err(|error| Error::io("cannot make the run folder", &path, &error))?;
         let text = toml::to_string_pretty(configuration).expect("what was read from TOML is TOML");
@@ -193,20 +198,23 @@ impl RunFolder {
             files::write_atomically(&path.join(RUN), &json)
         })?;
         interruption::run_is_in(&path);
-        Ok(Self { path })
+        Ok(Self { path, unwritten: None })
     }
 
-    /// The folder of a run that would begin or go on; touches nothing.
+    /// The folder of a run that would begin or go on; touches nothing, and what is stored lasts as long as this.
     pub(crate) fn look(
         path: PathBuf,
         begun: Option<&Begun>,
         identity: &Identity,
         configuration: &Table,
     ) -> Result<Self> {
+        let mut unwritten = BTreeMap::new();
         if let Some(begun) = begun {
             check_same(begun, identity, configuration).map_err(|error| error.at(&path))?;
+            let changed = asked_again::would_be(&path, &begun.configuration, configuration);
+            unwritten.extend(changed.into_iter().map(|(name, held)| (name.to_owned(), fs::read(held).ok())));
         }
-        Ok(Self { path })
+        Ok(Self { path, unwritten: Some(unwritten) })
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -216,6 +224,9 @@ impl RunFolder {
 
 impl Ledger for RunFolder {
     fn recall(&self, name: &str) -> Result<Option<Vec<u8>>> {
+        if let Some(instead) = self.unwritten.as_ref().and_then(|unwritten| unwritten.get(name)) {
+            return Ok(instead.clone());
+        }
         let path = self.path.join(name);
         match fs::read(&path) {
             Ok(bytes) => Ok(Some(bytes)),
@@ -225,10 +236,18 @@ impl Ledger for RunFolder {
     }
 
     fn store(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
-        undisturbed(|| files::write_atomically(&self.path.join(name), bytes))
+        if let Some(unwritten) = &mut self.unwritten {
+            unwritten.insert(name.to_owned(), Some(bytes.to_vec()));
+            return Ok(());
+        }
+        write_if_new(&self.path.join(name), bytes)
     }
 
     fn forget(&mut self, name: &str) -> Result<()> {
+        if let Some(unwritten) = &mut self.unwritten {
+            unwritten.insert(name.to_owned(), None);
+            return Ok(());
+        }
         let path = self.path.join(name);
         match undisturbed(|| fs::remove_file(&path)) {
             Err(error) if error.kind() != ErrorKind::NotFound => {
@@ -237,6 +256,15 @@ impl Ledger for RunFolder {
             _ => Ok(()),
         }
     }
+}
+
+/// Writes a file unless it holds these bytes already: a finished run can be read where nothing may be written.
+pub(crate) fn write_if_new(path: &Path, bytes: &[u8]) -> Result<()> {
+    let is_as_long = fs::metadata(path).is_ok_and(|found| found.len() == bytes.len() as u64);
+    if is_as_long && fs::read(path).is_ok_and(|found| found == bytes) {
+        return Ok(());
+    }
+    undisturbed(|| files::write_atomically(path, bytes))
 }
 
 /// The files and folders that a killed write left behind.
@@ -277,7 +305,8 @@ fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Resu
     ];
     let differs = pairs.into_iter().find(|(_, old, new)| old != new);
     let (what, old, new) =
-        match (differs, configuration::first_difference(&begun.configuration, configuration)) {
+        match (differs, configuration::first_difference(&fixed(&begun.configuration), &fixed(configuration)))
+        {
             (Some((what, old, new)), _) => (what.to_owned(), old, new),
             (None, Some(difference)) => difference,
             (None, None) => return Ok(()),

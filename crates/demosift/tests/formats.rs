@@ -436,6 +436,90 @@ fn what_is_written_is_read_again() {
     }
 }
 
+/// What stands in for a video, as nobody looks into them.
+fn film(camera: &str, episode: usize) -> Vec<u8> {
+    format!("not really a film: {camera}, episode {episode}").into_bytes()
+}
+
+/// The set of `formats/` that LeRobot wrote, as one of version 2.1 with two cameras.
+fn with_cameras(scratch: &Scratch) -> PathBuf {
+    let path = scratch.copy("lerobot_v2");
+    let info = path.join("meta/info.json");
+    let mut described: serde_json::Value = serde_json::from_slice(&fs::read(&info).unwrap()).unwrap();
+    for camera in ["observation.images.top", "observation.images.wrist"] {
+        described["features"][camera] =
+            serde_json::json!({ "dtype": "video", "shape": [4, 6, 3], "names": ["height", "width", "channels"] });
+        for episode in 0..LENGTHS.len() {
+            let file = path.join(format!("videos/chunk-000/{camera}/episode_{episode:06}.mp4"));
+            fs::create_dir_all(file.parent().unwrap()).unwrap();
+            fs::write(file, film(camera, episode)).unwrap();
+        }
+    }
+    fs::write(info, described.to_string()).unwrap();
+    path
+}
+
+#[test]
+fn videos_go_with_the_episodes_that_are_written() {
+    let scratch = Scratch::new("videos");
+    let path = with_cameras(&scratch);
+    let source = read(&path).unwrap();
+    let all = lerobot::description(&path, &source).unwrap();
+    assert!(all.videos.missing.is_empty(), "{:?}", all.videos.missing);
+    let rate = f64::from(all.steps_per_sec);
+
+    // The first and the last; and of these, which are of version 3.0 now, the last.
+    let kept: Vec<_> = [0, 2].map(|place: usize| source.episodes[place].clone()).to_vec();
+    let first = scratch.0.join("first");
+    let described = lerobot::Described { videos: all.videos.of(&[0, 2]), ..all.clone() };
+    lerobot::write(&first, &kept, None, &described).unwrap();
+    let again = read(&first).unwrap();
+    let found = lerobot::description(&first, &again).unwrap();
+    assert!(found.videos.missing.is_empty(), "{:?}", found.videos.missing);
+    let second = scratch.0.join("second");
+    let described = lerobot::Described { videos: found.videos.of(&[1]), ..found.clone() };
+    lerobot::write(&second, &again.episodes[1..], None, &described).unwrap();
+    for camera in ["observation.images.top", "observation.images.wrist"] {
+        for (path, episodes) in [(&first, &[0, 2][..]), (&second, &[2])] {
+            let folder = path.join(format!("videos/{camera}/chunk-000"));
+            let mut files: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+            files.sort();
+            let films: Vec<_> = files.iter().map(|file| fs::read(file).unwrap()).collect();
+            assert_eq!(films, episodes.iter().map(|&episode| film(camera, episode)).collect::<Vec<_>>());
+        }
+    }
+    let info: serde_json::Value =
+        serde_json::from_slice(&fs::read(second.join("meta/info.json")).unwrap()).unwrap();
+    let feature = &info["features"]["observation.images.top"];
+    assert_eq!((&feature["dtype"], &feature["shape"]), (&"video".into(), &vec![4, 6, 3].into()));
+    assert_eq!(info["video_path"], "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4");
+    assert_eq!(format!("{:?}", found.videos).matches(&format!("to_secs: {:?}", 5.0 / rate)).count(), 2);
+
+    // One that is not there is named, and the other camera is handed on.
+    fs::remove_file(path.join("videos/chunk-000/observation.images.top/episode_000001.mp4")).unwrap();
+    let fewer = lerobot::description(&path, &source).unwrap().videos;
+    let [missing] = &fewer.missing[..] else { panic!("{:?}", fewer.missing) };
+    assert!(missing.contains("images.top") && missing.contains("episode_000001.mp4 is not there"), "{missing}");
+    assert_eq!(fewer.cameras.len(), 1);
+    let wrong = lerobot::Described { videos: all.videos.of(&[0]), ..all };
+    let error = lerobot::write(&scratch.0.join("wrong"), &kept, None, &wrong).unwrap_err();
+    assert_says(&error, &["1 videos of observation.images.top", "each of the 2 episodes"]);
+}
+
+/// A name that leads elsewhere is no column of a data set.
+#[test]
+fn no_video_is_written_outside_of_the_folder() {
+    let scratch = Scratch::new("videos-outside");
+    let path = scratch.copy("lerobot_v2");
+    let info = path.join("meta/info.json");
+    let mut described: serde_json::Value = serde_json::from_slice(&fs::read(&info).unwrap()).unwrap();
+    described["features"]["../../outside"] = serde_json::json!({ "dtype": "video", "shape": [1, 1, 3] });
+    fs::write(info, described.to_string()).unwrap();
+    let source = read(&path).unwrap();
+    let found = lerobot::description(&path, &source).unwrap().videos;
+    assert!(found.cameras.is_empty() && found.missing[0].contains("no name of a folder"), "{:?}", found.missing);
+}
+
 #[test]
 fn a_filter_key_is_all_that_changes_in_a_robomimic_file() {
     let scratch = Scratch::new("key");

@@ -4,6 +4,7 @@
 //! beside a policy stands the same one as ONNX, for whoever plays it without demosift;
 //! checkpoints and a demonstrator's stages, which are for the next process of the same version only, are compact binary.
 
+mod in_few_lines;
 pub mod onnx;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -60,9 +61,8 @@ fn recall_json<T: DeserializeOwned>(ledger: &dyn Ledger, name: &str) -> Result<O
 
 fn store_json<T: Serialize>(ledger: &mut dyn Ledger, name: &str, content: &T) -> Result<()> {
     let versioned = Versioned { version: FORMAT_VERSION, content };
-    let mut bytes = serde_json::to_vec_pretty(&versioned).expect("plain data always serializes");
-    bytes.push(b'\n');
-    ledger.store(name, &bytes)
+    let text = serde_json::to_string_pretty(&versioned).expect("plain data always serializes");
+    ledger.store(name, in_few_lines::in_few_lines(&text).as_bytes())
 }
 
 #[derive(Serialize, Deserialize)]

@@ -1,6 +1,6 @@
 //! DemonstrationSet → MetaPrior → ScoreTable → Panel: each judge that is asked, and what they say together.
 
-use super::{Checkpointing, Config, Run, arrows, cut, make, stage_name};
+use super::{Checkpointing, Config, Run, arrows, cut, cut_of_judging, make, stage_name};
 use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::basics::seed::Seed;
@@ -154,7 +154,7 @@ fn untrained(config: &Config) -> Start<'_> {
 /// Algorithm 2.
 fn judged(run: &mut Run<'_>, judge: Judge, start: Start<'_>, inner: &InnerUpdate) -> Result<ScoreTable> {
     let judging = &judging(run, judge);
-    let (cut, part, seed) = (cut(run), judge.name(), judging_seed(run.config, judge));
+    let (cut, part, seed) = (cut_of_judging(run), judge.name(), judging_seed(run.config, judge));
     let Run { set, playground, ledger, observer, .. } = run;
     let anew = || Ok(JudgingState::default());
     let (mut state, mut checkpointing) =

@@ -1,0 +1,63 @@
+//! Indented JSON with what belongs together on one line: a list of numbers, and an object of a list that holds no other.
+//!
+//! A score table of a thousand demonstrations holds a million numbers, and a line with its indentation for each of them is
+//! twice as long as the number.
+
+/// Rewrites indented JSON as `serde_json` writes it; the content stays the same.
+pub(super) fn in_few_lines(indented: &str) -> String {
+    let mut lines: Vec<String> = Vec::new();
+    // Where the innermost list or object begins, if nothing within it has begun since.
+    let mut begun: Option<usize> = None;
+    for line in indented.lines() {
+        let content = line.trim_start();
+        if line.ends_with(['[', '{']) {
+            begun = Some(lines.len());
+        } else if content.starts_with([']', '}'])
+            && let Some(first) = begun.take_if(|first| belongs_on_a_line(&lines[*first]))
+        {
+            let members: Vec<&str> = lines[first + 1..].iter().map(|line| line.trim_start()).collect();
+            let (open, close) = if content.starts_with(']') { ("", "") } else { (" ", " ") };
+            let joined = format!("{}{open}{}{close}{content}", lines[first], members.join(" "));
+            lines.truncate(first);
+            lines.push(joined);
+            begun = None;
+            continue;
+        } else if content.starts_with([']', '}']) {
+            begun = None;
+        }
+        lines.push(line.to_owned());
+    }
+    lines.join("\n") + "\n"
+}
+
+/// A list, or an object that stands in a list and so has no name.
+fn belongs_on_a_line(first: &str) -> bool {
+    first.ends_with('[') || first.trim_start() == "{"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::{Value, json};
+
+    #[test]
+    fn the_content_stays_and_the_innermost_stand_on_one_line() {
+        let value = json!({
+            "version": 2, "empty": [], "nothing": {}, "words": ["a [", "] {", "\"}", "\n["], "named": { "x": 1 },
+            "scores": [[0.1, -2.5e-17], [1.0]],
+            "curves": [{ "loss": 0.5, "end": null }, { "inner": [1, 2], "more": { "y": [] } }],
+        });
+        let written = in_few_lines(&serde_json::to_string_pretty(&value).expect("plain data"));
+        assert_eq!(serde_json::from_str::<Value>(&written).expect("still JSON"), value);
+        for line in
+            ["    [0.1, -2.5e-17],", "    { \"end\": null, \"loss\": 0.5 },", "      \"inner\": [1, 2],"]
+        {
+            assert!(written.lines().any(|one| one == line), "{line} is not in {written}");
+        }
+        assert!(written.contains("\"named\": {\n    \"x\": 1\n  }"), "{written}");
+        assert_eq!(
+            in_few_lines(&serde_json::to_string_pretty(&json!([1, 2])).expect("plain data")),
+            "[1, 2]\n"
+        );
+    }
+}
