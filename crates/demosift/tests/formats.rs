@@ -193,12 +193,48 @@ fn integers_halves_truth_and_columns_of_one_dimension_are_numbers() {
 fn what_is_not_read_of_hdf5_is_named_with_the_line_that_mends_it() {
     for (name, wanted) in [
         ("blosc.hdf5", "compressed by blosc"),
-        ("zstd.hdf5", "compressed by zstd"),
+        ("bitshuffle.hdf5", "compressed by bitshuffle"),
         ("newest.hdf5", "newest layout of HDF5 2.0"),
     ] {
         let error = read(&fixture(name)).unwrap_err();
         assert_says(&error, &[wanted, name, "h5repack", "h5py.File"]);
         assert!(!error.to_string().contains("damaged"), "{error}");
+    }
+}
+
+/// h5py and hdf5plugin wrote the same numbers under each name.
+#[test]
+fn what_zstd_and_lz4_compress_is_what_stands_beside_it_without_a_filter() {
+    let observed = |group: &str, name: &str| {
+        let columns = Columns { observations: vec![format!("{group}/{name}")], actions: Vec::new() };
+        open::open(&fixture("packed.hdf5"), None, &columns).unwrap_or_else(|error| panic!("{name}: {error}"))
+    };
+    for group in ["observed", "other_end"] {
+        let plain = observed(group, "plain");
+        assert_eq!(plain.episodes.len(), 3, "where an episode ends is compressed too");
+        assert!(plain.episodes[0].observations.flat()[..3].iter().all(|value| *value != 0.0));
+        assert_eq!(plain.episodes[2].observations.row(39), [0.25; 3]);
+        for name in ["zstd", "shuffled_zstd", "lz4", "lz4_blocks", "checked"] {
+            assert_eq!(observed(group, name).episodes, plain.episodes, "{group}/{name}");
+        }
+    }
+    let ones = read(&fixture("zstd.hdf5")).unwrap();
+    assert!(ones.episodes.iter().all(|episode| episode.observations.flat().iter().all(|value| *value == 1.0)));
+}
+
+#[test]
+fn damage_under_a_filter_is_told() {
+    let scratch = Scratch::new("packed");
+    let bytes = fs::read(fixture("packed.hdf5")).unwrap();
+    let path = scratch.0.join("packed.hdf5");
+    let columns = Columns { observations: vec!["observed/shuffled_zstd".to_owned()], actions: Vec::new() };
+    for place in (0..bytes.len()).step_by(bytes.len() / 300) {
+        let mut damaged = bytes.clone();
+        damaged[place] ^= 0x55;
+        fs::write(&path, &damaged).unwrap();
+        check(open::open(&path, None, &columns), &format!("byte {place}"));
+        fs::write(&path, &bytes[..place]).unwrap();
+        check(open::open(&path, None, &columns), &format!("cut at {place}"));
     }
 }
 

@@ -7,6 +7,7 @@
 mod in_few_lines;
 pub mod onnx;
 
+use in_few_lines::{Nulls, in_few_lines};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
@@ -60,9 +61,18 @@ fn recall_json<T: DeserializeOwned>(ledger: &dyn Ledger, name: &str) -> Result<O
 }
 
 fn store_json<T: Serialize>(ledger: &mut dyn Ledger, name: &str, content: &T) -> Result<()> {
+    store_json_with(ledger, name, content, Nulls::Written)
+}
+
+fn store_json_with<T: Serialize>(
+    ledger: &mut dyn Ledger,
+    name: &str,
+    content: &T,
+    nulls: Nulls,
+) -> Result<()> {
     let versioned = Versioned { version: FORMAT_VERSION, content };
     let text = serde_json::to_string_pretty(&versioned).expect("plain data always serializes");
-    ledger.store(name, in_few_lines::in_few_lines(&text).as_bytes())
+    ledger.store(name, in_few_lines(&text, nulls).as_bytes())
 }
 
 #[derive(Serialize, Deserialize)]
@@ -121,7 +131,8 @@ impl Artifact for Judged {
             policy_tensors(&adapted_prefix(*variant, *demo), policy)
         });
         ledger.store(&adapted_name(judge), &write_tensors(&tensors.collect::<Vec<_>>()))?;
-        store_json(ledger, &scores_name(judge), &self.scores)
+        // An update has numbers of one of the imitators only.
+        store_json_with(ledger, &scores_name(judge), &self.scores, Nulls::LeftOut)
     }
 
     fn recall(ledger: &dyn Ledger, judge: &str) -> Result<Option<Self>> {

@@ -3,8 +3,17 @@
 //! A score table of a thousand demonstrations holds a million numbers, and a line with its indentation for each of them is
 //! twice as long as the number.
 
-/// Rewrites indented JSON as `serde_json` writes it; the content stays the same.
-pub(super) fn in_few_lines(indented: &str) -> String {
+/// What becomes of a member of an object of a list that is `null`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Nulls {
+    /// It stays.
+    Written,
+    /// It is left out, as a reader takes it for `null` anyway.
+    LeftOut,
+}
+
+/// Rewrites indented JSON as `serde_json` writes it; the content stays the same, but for nulls that are left out.
+pub(super) fn in_few_lines(indented: &str, nulls: Nulls) -> String {
     let mut lines: Vec<String> = Vec::new();
     // Where the innermost list or object begins, if nothing within it has begun since.
     let mut begun: Option<usize> = None;
@@ -15,9 +24,12 @@ pub(super) fn in_few_lines(indented: &str) -> String {
         } else if content.starts_with([']', '}'])
             && let Some(first) = begun.take_if(|first| belongs_on_a_line(&lines[*first]))
         {
-            let members: Vec<&str> = lines[first + 1..].iter().map(|line| line.trim_start()).collect();
-            let (open, close) = if content.starts_with(']') { ("", "") } else { (" ", " ") };
-            let joined = format!("{}{open}{}{close}{content}", lines[first], members.join(" "));
+            let is_list = content.starts_with(']');
+            let is_written = |member: &&str| is_list || nulls == Nulls::Written || !member.ends_with(": null");
+            let members = lines[first + 1..].iter().map(|line| line.trim_start().trim_end_matches(','));
+            let members: Vec<&str> = members.filter(is_written).collect();
+            let (open, close) = if is_list { ("", "") } else { (" ", " ") };
+            let joined = format!("{}{open}{}{close}{content}", lines[first], members.join(", "));
             lines.truncate(first);
             lines.push(joined);
             begun = None;
@@ -43,11 +55,12 @@ mod tests {
     #[test]
     fn the_content_stays_and_the_innermost_stand_on_one_line() {
         let value = json!({
-            "version": 2, "empty": [], "nothing": {}, "words": ["a [", "] {", "\"}", "\n["], "named": { "x": 1 },
+            "version": 2, "empty": [], "nothing": {}, "words": ["a [", "] {", "\"}", "\n[", ","], "named": { "x": 1 },
             "scores": [[0.1, -2.5e-17], [1.0]],
             "curves": [{ "loss": 0.5, "end": null }, { "inner": [1, 2], "more": { "y": [] } }],
         });
-        let written = in_few_lines(&serde_json::to_string_pretty(&value).expect("plain data"));
+        let text = |value: &Value| serde_json::to_string_pretty(value).expect("plain data");
+        let written = in_few_lines(&text(&value), Nulls::Written);
         assert_eq!(serde_json::from_str::<Value>(&written).expect("still JSON"), value);
         for line in
             ["    [0.1, -2.5e-17],", "    { \"end\": null, \"loss\": 0.5 },", "      \"inner\": [1, 2],"]
