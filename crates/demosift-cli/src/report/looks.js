@@ -16,9 +16,9 @@ const MEASURES = [
   { key: "arc_length", name: "arc length", meaning: "the spectral arc length of its speed; nearer to 0 is smoother", write: significant, words: ["many movements in one"], wide: true },
   { key: "fast_power", name: "fast", meaning: "the share of its power at periods of less than eight steps: shaking", write: share, words: ["shaky"], wide: true },
   { key: "still", name: "still", meaning: "the share of its steps that hardly move", write: share, words: ["stands still"] },
-  { key: "jump", name: "jump", meaning: "its longest step, in median steps of the set", write: significant, words: ["jumps"] },
+  { key: "jump", name: "jump", meaning: "its longest step, in median steps of the set", write: significant, words: ["jumps"], wide: true },
   { key: "outside", name: "outside", meaning: "the share of its actions' numbers outside [−1, 1]", write: share, words: [], wide: true },
-  { key: "end_distance", name: "end off", meaning: "how far its last observation is from the median one of the set", write: significant, words: ["ends elsewhere"] },
+  { key: "end_distance", name: "end off", meaning: "how far its last observation is from the median one of the set", write: significant, words: ["ends elsewhere"], wide: true },
 ];
 const isOddBy = (look, measure) => look.odd.some((word) => measure.words.includes(word));
 const valuesOf = (measure) => looks.map((look) => look[measure.key]).filter((value) => value != null);
@@ -93,6 +93,8 @@ function episodes() {
     })),
     { name: "odd", left: true, words: true, of: (look) => -look.oddness, show: (look) => look.odd.join(", ") },
   ];
+  // In a narrow window the words would stand outside of it.
+  if (narrow) columns.splice(1, 0, columns.pop());
   const more = el("button", { on: { click: () => fill(looks.length) } });
   function fill(most) {
     const sorted = [...looks];
@@ -104,7 +106,7 @@ function episodes() {
     body.replaceChildren(...sorted.slice(0, most).map((look) => el("tr", { class: look.odd.length ? "kept" : null },
       columns.map((column) => el("td", {
         class: [column.left ? "left" : "", column.wide ? "wide" : "", column.far?.(look) ? "far" : ""].join(" ").trim() || null,
-        style: column.words ? "white-space:normal;min-width:9em" : null,
+        style: column.words ? "white-space:normal;min-width:8.5em" : null,
       }, column.show(look))))));
     more.textContent = `Show all ${count(looks.length)}`;
     more.hidden = looks.length <= most;

@@ -34,7 +34,8 @@ const MOST_LOOKED_AT: usize = 200_000;
 /// `is_bad_input` if a chunk is damaged, or other filters are mixed in; `is_io` if the file may not be read.
 pub(super) fn unpacked(file: &File, path: &Path, file_len: u64) -> Result<Option<File>> {
     // What cannot be looked at is told by whoever reads it.
-    if !is_packed(&file.root(), DEEPEST, &mut MOST_LOOKED_AT.clone()).unwrap_or(false) {
+    let mut left = MOST_LOOKED_AT;
+    if !is_packed(&file.root(), DEEPEST, &mut left).unwrap_or(false) {
         return Ok(None);
     }
     let bytes = std::fs::File::open(path)
@@ -205,7 +206,7 @@ fn taken_back(stored: Vec<u8>, filters: &[u16], mask: u32, chunk: &Chunk) -> Res
     let applied: Vec<u16> = filters
         .iter()
         .enumerate()
-        .filter(|(place, _)| *place >= 32 || mask >> place & 1 == 0)
+        .filter(|(place, _)| *place >= 32 || (mask >> place) & 1 == 0)
         .map(|(_, filter)| *filter)
         .collect();
     let mut bytes = stored;
