@@ -375,9 +375,10 @@ fn curve(judge: Judge, of: &Suitability) -> AdaptationCurve {
     }
 }
 
-/// A number of each update over the repeats, as far as every repeat has it.
+/// A number of each update over the repeats whose curves were kept, as far as every one of them has it.
 fn bands(curves: &[Vec<UpdateReport>], number: impl Fn(&UpdateReport) -> Option<f64>) -> Vec<Band> {
-    let updates = curves.iter().map(Vec::len).min().unwrap_or(0);
+    let curves: Vec<&Vec<UpdateReport>> = curves.iter().filter(|curve| !curve.is_empty()).collect();
+    let updates = curves.iter().map(|curve| curve.len()).min().unwrap_or(0);
     let band = |update: usize| {
         let values: Option<Vec<f64>> = curves.iter().map(|curve| number(&curve[update])).collect();
         values.map(|values| Band {

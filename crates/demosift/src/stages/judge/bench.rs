@@ -68,6 +68,10 @@ impl<'a> Bench<'a> {
     }
 }
 
+/// Of a set of so many demonstrations the curve of every repeat is kept; of a larger one that of the first, or a run folder
+/// would hold little else.
+const ALL_CURVES: usize = 200;
+
 /// Lines 3 to 11 for one demonstration with its pairs.
 fn imitate_once(
     trial: &Trial<'_>,
@@ -87,7 +91,9 @@ fn imitate_once(
     let scores = score(trial.playground, &played);
     let policy = (unit.repeat == 0).then_some(policy);
     let played = adapted.played + steps_of(&played);
-    Ok(Outcome { scores, distance, curve: adapted.curve, policy, played })
+    let is_told = unit.repeat == 0 || trial.set.len() <= ALL_CURVES;
+    let curve = if is_told { adapted.curve } else { Vec::new() };
+    Ok(Outcome { scores, distance, curve, policy, played })
 }
 
 fn steps_of(played: &[Trajectory]) -> u64 {
