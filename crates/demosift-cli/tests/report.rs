@@ -184,11 +184,14 @@ fn write_reaches(scratch: &Scratch, name: &str) {
     use demosift::data::demonstration::d4rl::{self, Episode};
     use demosift::math::rows::Rows;
     let reach = |size: f32, jumps: bool| {
-        let at = |step: usize| size * (1.0 - (step as f32 / 19.0).cos()) + if jumps && step == 30 { 1.5 } else { 0.0 };
+        let at = |step: usize| {
+            size * (1.0 - (step as f32 / 19.0).cos()) + if jumps && step == 30 { 1.5 } else { 0.0 }
+        };
         Rows::from_flat((0..60).map(at).collect(), 1).unwrap()
     };
     let sizes = [1.0, 1.01, 0.99, 1.02, 0.98, 1.03, 0.97, 1.04, 1.0, 1.01];
-    let observations: Vec<Rows> = sizes.iter().enumerate().map(|(place, size)| reach(*size, place == 4)).collect();
+    let observations: Vec<Rows> =
+        sizes.iter().enumerate().map(|(place, size)| reach(*size, place == 4)).collect();
     let actions = Rows::from_flat(vec![0.5; 60], 1).unwrap();
     let episode = |observations| Episode { observations, actions: &actions, states: None, terminated: false };
     d4rl::write(&scratch.0.join(name), &observations.iter().map(episode).collect::<Vec<_>>()).unwrap();
@@ -205,7 +208,10 @@ fn the_look_at_a_set_is_a_page_with_the_oddest_first() {
     assert_eq!(found["looks"], json["episodes_by_oddness"]);
     assert_eq!(found["looks"][2]["label"], "4", "{}", found["looks"]);
     let html = String::from_utf8(scratch.files(".")["looks.html"].clone()).unwrap();
-    assert!(html.contains("default-src 'none'") && html.contains("<title>&lt;b&gt;reaches.hdf5: 10 episodes"), "{html:.600}");
+    assert!(
+        html.contains("default-src 'none'") && html.contains("<title>&lt;b&gt;reaches.hdf5: 10 episodes"),
+        "{html:.600}"
+    );
     assert!(!html.contains("src=") && !html.contains(&scratch.0.display().to_string()));
 
     // A page of before is written again, and nothing else.

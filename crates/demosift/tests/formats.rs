@@ -219,7 +219,9 @@ fn what_zstd_and_lz4_compress_is_what_stands_beside_it_without_a_filter() {
         }
     }
     let ones = read(&fixture("zstd.hdf5")).unwrap();
-    assert!(ones.episodes.iter().all(|episode| episode.observations.flat().iter().all(|value| *value == 1.0)));
+    assert!(
+        ones.episodes.iter().all(|episode| episode.observations.flat().iter().all(|value| *value == 1.0))
+    );
 }
 
 #[test]
@@ -483,8 +485,7 @@ fn with_cameras(scratch: &Scratch) -> PathBuf {
     let info = path.join("meta/info.json");
     let mut described: serde_json::Value = serde_json::from_slice(&fs::read(&info).unwrap()).unwrap();
     for camera in ["observation.images.top", "observation.images.wrist"] {
-        described["features"][camera] =
-            serde_json::json!({ "dtype": "video", "shape": [4, 6, 3], "names": ["height", "width", "channels"] });
+        described["features"][camera] = serde_json::json!({ "dtype": "video", "shape": [4, 6, 3], "names": ["height", "width", "channels"] });
         for episode in 0..LENGTHS.len() {
             let file = path.join(format!("videos/chunk-000/{camera}/episode_{episode:06}.mp4"));
             fs::create_dir_all(file.parent().unwrap()).unwrap();
@@ -518,7 +519,8 @@ fn videos_go_with_the_episodes_that_are_written() {
     for camera in ["observation.images.top", "observation.images.wrist"] {
         for (path, episodes) in [(&first, &[0, 2][..]), (&second, &[2])] {
             let folder = path.join(format!("videos/{camera}/chunk-000"));
-            let mut files: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+            let mut files: Vec<_> =
+                fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
             files.sort();
             let films: Vec<_> = files.iter().map(|file| fs::read(file).unwrap()).collect();
             assert_eq!(films, episodes.iter().map(|&episode| film(camera, episode)).collect::<Vec<_>>());
@@ -535,7 +537,10 @@ fn videos_go_with_the_episodes_that_are_written() {
     fs::remove_file(path.join("videos/chunk-000/observation.images.top/episode_000001.mp4")).unwrap();
     let fewer = lerobot::description(&path, &source).unwrap().videos;
     let [missing] = &fewer.missing[..] else { panic!("{:?}", fewer.missing) };
-    assert!(missing.contains("images.top") && missing.contains("episode_000001.mp4 is not there"), "{missing}");
+    assert!(
+        missing.contains("images.top") && missing.contains("episode_000001.mp4 is not there"),
+        "{missing}"
+    );
     assert_eq!(fewer.cameras.len(), 1);
     let wrong = lerobot::Described { videos: all.videos.of(&[0]), ..all };
     let error = lerobot::write(&scratch.0.join("wrong"), &kept, None, &wrong).unwrap_err();
@@ -553,7 +558,11 @@ fn no_video_is_written_outside_of_the_folder() {
     fs::write(info, described.to_string()).unwrap();
     let source = read(&path).unwrap();
     let found = lerobot::description(&path, &source).unwrap().videos;
-    assert!(found.cameras.is_empty() && found.missing[0].contains("no name of a folder"), "{:?}", found.missing);
+    assert!(
+        found.cameras.is_empty() && found.missing[0].contains("no name of a folder"),
+        "{:?}",
+        found.missing
+    );
 }
 
 #[test]

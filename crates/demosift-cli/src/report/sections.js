@@ -13,7 +13,11 @@ const looked = replay.demos ? new Set(replay.demos) : null;
 const isLooked = (demo) => !looked || looked.has(demo);
 const whichLooked = looked ? ` Of the ${count(report.entries.length)} demonstrations these are ${looked.size}: the best, the worst, and those near the cut.` : "";
 const keptDemos = report.entries.filter((entry) => entry.kept).map((entry) => entry.demo);
-const listed = (demos) => [...demos].sort((a, b) => a - b).join(", ");
+// Nobody reads a list of hundreds; the table below has them all.
+function listed(demos) {
+  const sorted = [...demos].sort((a, b) => a - b);
+  return sorted.length > 40 ? `${sorted.slice(0, 12).join(", ")} and ${count(sorted.length - 12)} more` : sorted.join(", ");
+}
 
 const STAGES = {
   meta_train: "learning to imitate", pre_train: "imitating the entire set",

@@ -25,7 +25,8 @@ pub(super) fn in_few_lines(indented: &str, nulls: Nulls) -> String {
             && let Some(first) = begun.take_if(|first| belongs_on_a_line(&lines[*first]))
         {
             let is_list = content.starts_with(']');
-            let is_written = |member: &&str| is_list || nulls == Nulls::Written || !member.ends_with(": null");
+            let is_written =
+                |member: &&str| is_list || nulls == Nulls::Written || !member.ends_with(": null");
             let members = lines[first + 1..].iter().map(|line| line.trim_start().trim_end_matches(','));
             let members: Vec<&str> = members.filter(is_written).collect();
             let (open, close) = if is_list { ("", "") } else { (" ", " ") };

@@ -207,7 +207,12 @@ fn an_evaluation_is_played_again_to_the_bit_and_a_changed_one_is_refused() {
 
 /// A ranking of so many: the demonstration of place p has the number 7 p modulo their number, which is no multiple of 7.
 fn ranking_of(count: usize) -> Ranking {
-    let ranked = |place: usize| Ranked { demo: DemoId(7 * place % count), before: 0.0, after: 0.0, gain: -(place as f64) };
+    let ranked = |place: usize| Ranked {
+        demo: DemoId(7 * place % count),
+        before: 0.0,
+        after: 0.0,
+        gain: -(place as f64),
+    };
     Ranking { entries: (0..count).map(ranked).collect() }
 }
 
@@ -216,7 +221,8 @@ fn of_a_large_set_the_best_the_worst_and_those_near_the_cut_are_looked_at() {
     let places = |count: usize, kept: usize| -> Vec<usize> {
         let ranking = ranking_of(count);
         let shown = worth_a_look(&ranking, kept);
-        let place = |demo: &DemoId| ranking.entries.iter().position(|entry| entry.demo == *demo).expect("ranked");
+        let place =
+            |demo: &DemoId| ranking.entries.iter().position(|entry| entry.demo == *demo).expect("ranked");
         shown.iter().map(place).collect()
     };
     assert_eq!(places(40, 10), (0..40).collect::<Vec<_>>());

@@ -143,7 +143,8 @@ impl Packed<'_> {
     /// All elements of a table in their order.
     fn unpack(&mut self, dataset: &Dataset, name: &str, shape: &[u64]) -> Result<Vec<u8>> {
         let size = |number: u64| {
-            usize::try_from(number).map_err(|_| Error::bad_input(format!("'{name}' is too large for this machine")))
+            usize::try_from(number)
+                .map_err(|_| Error::bad_input(format!("'{name}' is too large for this machine")))
         };
         let element = size(dataset.element_size().map_err(damaged)?)?.max(1);
         let chunk = dataset.chunk_shape().map_err(damaged)?.unwrap_or_default();
@@ -166,7 +167,12 @@ impl Packed<'_> {
         }
         for part in chunks {
             let stored = self.stored(part.address, part.storage_size)?;
-            let plain = taken_back(stored, &dataset.filters(), part.filter_mask, &Chunk { bytes: chunk_bytes, element })?;
+            let plain = taken_back(
+                stored,
+                &dataset.filters(),
+                part.filter_mask,
+                &Chunk { bytes: chunk_bytes, element },
+            )?;
             let at = |place: usize| part.offset.get(place).copied().map_or(Ok(0), size);
             let (first_row, first_column) = (at(0)?, at(1)?);
             if first_row >= rows || first_column >= columns {
@@ -188,7 +194,10 @@ impl Packed<'_> {
             return Err(broken("a chunk lies behind the end of the file"));
         }
         let mut bytes = Vec::new();
-        let read = self.bytes.seek(SeekFrom::Start(address)).and_then(|_| (&mut self.bytes).take(len).read_to_end(&mut bytes));
+        let read = self
+            .bytes
+            .seek(SeekFrom::Start(address))
+            .and_then(|_| (&mut self.bytes).take(len).read_to_end(&mut bytes));
         read.map_err(|source| Error::io("cannot read the demonstrations", self.path, &source))?;
         Ok(bytes)
     }
@@ -217,7 +226,9 @@ fn taken_back(stored: Vec<u8>, filters: &[u16], mask: u32, chunk: &Chunk) -> Res
         bytes = match *filter {
             SHUFFLE => unshuffled(&bytes, chunk.element),
             FLETCHER => bytes[..bytes.len().saturating_sub(4)].to_vec(),
-            ZSTD => parquet_zstd::decompressed(&bytes, len as u64).map_err(|error| broken(&error.to_string()))?,
+            ZSTD => {
+                parquet_zstd::decompressed(&bytes, len as u64).map_err(|error| broken(&error.to_string()))?
+            }
             LZ4 => of_lz4(&bytes, len)?,
             other => return Err(damaged(hdf5_pure::Error::Format(FormatError::UnsupportedFilter(other)))),
         };
