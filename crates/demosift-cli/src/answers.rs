@@ -329,6 +329,7 @@ pub(crate) struct Export<'a> {
     pub(crate) data: &'a Data,
     pub(crate) seed: Option<&'a toml::Value>,
     pub(crate) configuration: &'a toml::Table,
+    pub(crate) chosen: &'a str,
     pub(crate) demonstrations: Vec<Exported>,
 }
 

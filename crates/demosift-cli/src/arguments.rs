@@ -331,7 +331,8 @@ pub(crate) struct PictureArguments {
     /// Pixels of a picture
     #[arg(long, value_name = "WxH", default_value = "320x240", value_parser = size)]
     pub(crate) size: (usize, usize),
-    /// A new folder for the pictures [default: runs/<task>_pictures]
+    /// A new folder for the pictures [default: beside the run folder that the policy lies in, <run>_pictures; else
+    /// runs/<task>_pictures]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
 }
@@ -350,6 +351,9 @@ pub(crate) struct InspectArguments {
     /// Whether they fit this task: a name (see `demosift tasks`), or the path of a folder with a task.toml
     #[arg(long, value_name = "NAME|PATH")]
     pub(crate) task: Option<String>,
+    /// Write a page that shows each episode among the others, the oddest first, into this file
+    #[arg(long, value_name = "FILE")]
+    pub(crate) html: Option<PathBuf>,
     /// Print the results as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -407,6 +411,9 @@ pub(crate) struct ExportArguments {
     /// Steps in a second, which LeRobot wants to know [default: as the task of the run says]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) fps: Option<u32>,
+    /// Hand on these demonstrations instead, such as 0,3,7
+    #[arg(long, value_name = "IDS", value_delimiter = ',')]
+    pub(crate) demonstration_ids: Vec<usize>,
     /// Allow robomimic-filter-key to add the key to the file of the demonstrations
     #[arg(long)]
     pub(crate) edit_my_file: bool,

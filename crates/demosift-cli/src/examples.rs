@@ -128,6 +128,8 @@ Examples:
     demosift inspect data/free_throw_8 --task free_throw
   A robomimic file, with the columns that make an observation named:
     demosift inspect lift.hdf5 --observation-columns obs/robot0_eef_pos,obs/object
+  A page to look at, the oddest episodes first:
+    demosift inspect lift.hdf5 --html lift.html
   A part of a column, and none of the episodes that nobody can learn from:
     demosift inspect door.hdf5 --observation-columns observations[0:35] --skip-bad";
 

@@ -17,7 +17,7 @@ use crate::run_folder::{self, Identity, RunFolder};
 use crate::task::Chosen;
 
 /// The file of a run that holds its prior.
-pub(crate) const PRIOR: &str = "prior.safetensors";
+const PRIOR: &str = "prior.safetensors";
 /// What may differ from the earlier run: nothing of it moves a score.
 const MAY_DIFFER: [&str; 5] = ["judges", "keep", "referee", "imitate", "subset_selection"];
 

@@ -20,6 +20,7 @@ use demosift::{Error, Result};
 use toml::Table;
 
 use crate::arguments::{JobArguments, PresetName, RunArguments};
+use crate::asked_again;
 use crate::configuration::{self, Layer};
 use crate::demonstrations::{self, Demonstrations};
 use crate::given_prior::{self, GivenPrior};
@@ -51,8 +52,6 @@ pub(crate) struct Job {
     config: Config,
     folder: RunFolder,
     progress: Progress,
-    /// The folder of another run, whose prior a dry run looks at.
-    lent: Option<RunFolder>,
 }
 
 impl Job {
@@ -78,10 +77,7 @@ impl Job {
         let config: Config = configuration::typed(values.clone())?;
         demonstrations.check(&Playground::new(plan.chosen.task.as_ref()), &config)?;
         let mut job = Self::of_plan(plan, demonstrations, values, config, arguments.run.dry_run)?;
-        match arguments.run.dry_run {
-            true => job.lent = Some(run_folder::of_finished(&given.origin.run)?.1),
-            false => experiment::hand_on_prior(&given.folder, &mut job.folder)?,
-        }
+        experiment::hand_on_prior(&given.folder, &mut job.folder)?;
         Ok(job)
     }
 
@@ -110,7 +106,10 @@ impl Job {
             let layer = Table::from_iter([("referee".to_owned(), toml::Value::Table(layer))]);
             configuration::apply(&mut values, &Layer { source: "--referee".to_owned(), values: layer })?;
         }
-        let values = configuration::of_job(values);
+        let mut values = configuration::of_job(values);
+        if let Some(begun) = &plan.begun {
+            asked_again::remember(&plan.out, &begun.configuration, &mut values);
+        }
         let config: Config = configuration::typed(values.clone())?;
         let playground = Playground::new(plan.chosen.task.as_ref());
         demonstrations.check(&playground, &config)?;
@@ -140,7 +139,7 @@ impl Job {
             false => Progress::new(MetricsFile::of(folder.path())?),
         };
         let chosen = plan.chosen;
-        Ok(Self { set, path, data, left_out, chosen, values, config, folder, progress, lent: None })
+        Ok(Self { set, path, data, left_out, chosen, values, config, folder, progress })
     }
 
     /// The same job for one of the task's several goals, in a folder of its own within that of this one; it starts from what
@@ -150,15 +149,16 @@ impl Job {
         let out = self.folder.path().join(goal);
         let begun = run_folder::look_into(&out, true)?;
         let identity = identity(&chosen, Some(self.data.clone()), None);
-        let (folder, progress) = if dry {
-            (RunFolder::look(out, begun.as_ref(), &identity, &self.values)?, Progress::of_bar_only())
-        } else {
-            let mut folder = RunFolder::open(out, begun.as_ref(), &identity, &self.values)?;
+        let open = if dry { RunFolder::look } else { RunFolder::open };
+        let mut folder = open(out, begun.as_ref(), &identity, &self.values)?;
+        if !dry {
             // Whoever interrupts it goes on with the whole.
             interruption::run_is_in(self.folder.path());
-            experiment::hand_on(&self.folder, &mut folder, self.chosen.task.specification().variant(goal)?)?;
-            let progress = Progress::new(MetricsFile::of(folder.path())?);
-            (folder, progress)
+        }
+        experiment::hand_on(&self.folder, &mut folder, self.chosen.task.specification().variant(goal)?)?;
+        let progress = match dry {
+            true => Progress::of_bar_only(),
+            false => Progress::new(MetricsFile::of(folder.path())?),
         };
         Ok(Self {
             set: self.set.clone(),
@@ -170,19 +170,17 @@ impl Job {
             config: self.config.clone(),
             folder,
             progress,
-            lent: None,
         })
     }
 
     /// Does a part of the job.
     pub(crate) fn run<T>(&mut self, work: impl FnOnce(&mut Run<'_>) -> Result<T>) -> Result<T> {
         let playground = Playground::new(self.chosen.task.as_ref());
-        let mut ledger = Lent { own: &mut self.folder, lent: self.lent.as_ref() };
         let outcome = work(&mut Run {
             set: &self.set,
             playground: &playground,
             config: &self.config,
-            ledger: &mut ledger,
+            ledger: &mut self.folder,
             observer: &mut self.progress,
         });
         self.progress.finish();
@@ -246,6 +244,11 @@ impl Job {
         self.config.keep
     }
 
+    /// Under which name the policy is stored that one training made of the kept.
+    pub(crate) fn kept_part(&self) -> String {
+        experiment::kept_part(&self.config)
+    }
+
     /// How many are kept, as far as it is known before judging.
     pub(crate) fn k(&self) -> usize {
         self.config.keep.count_before_judging(self.set.len())
@@ -267,33 +270,6 @@ impl Job {
 
     pub(crate) fn folder(&self) -> &RunFolder {
         &self.folder
-    }
-}
-
-/// A run folder, and behind it another one.
-struct Lent<'a> {
-    own: &'a mut RunFolder,
-    lent: Option<&'a RunFolder>,
-}
-
-impl Ledger for Lent<'_> {
-    fn claim(&mut self) -> Result<()> {
-        self.own.claim()
-    }
-
-    fn recall(&self, name: &str) -> Result<Option<Vec<u8>>> {
-        match (self.own.recall(name)?, self.lent) {
-            (None, Some(lent)) if name == given_prior::PRIOR => lent.recall(name),
-            (own, _) => Ok(own),
-        }
-    }
-
-    fn store(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
-        self.own.store(name, bytes)
-    }
-
-    fn forget(&mut self, name: &str) -> Result<()> {
-        self.own.forget(name)
     }
 }
 
@@ -374,6 +350,9 @@ impl Request {
                 configuration::preset(preset.map_or(Preset::Standard, Preset::from), chosen.values.clone())?
             }
         };
+        if let Some(begun) = &begun {
+            values.extend(asked_again::last(&begun.configuration));
+        }
         for layer in layers(arguments)? {
             configuration::apply(&mut values, &layer)?;
         }

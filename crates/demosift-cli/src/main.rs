@@ -2,6 +2,7 @@
 
 mod answers;
 mod arguments;
+mod asked_again;
 mod commands;
 mod configuration;
 mod demonstrations;
@@ -15,6 +16,7 @@ mod metrics_file;
 mod own_heuristic;
 mod picture_folder;
 mod report;
+mod resolved;
 mod run_folder;
 mod study_file;
 mod study_folder;

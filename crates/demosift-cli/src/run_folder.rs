@@ -1,5 +1,6 @@
 //! The run folder: what a run depends on, and every noun and checkpoint as a file.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -14,14 +15,15 @@ use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};
 use toml::Table;
 
+use crate::asked_again;
 use crate::configuration;
 use crate::given_prior::Origin;
 use crate::interruption;
 use crate::lock::{self, Lock};
+use crate::resolved::{self, RESOLVED, fixed};
 use crate::writing::undisturbed;
 
 const RUN: &str = "run.json";
-const RESOLVED: &str = "resolved.toml";
 
 /// What a run depends on besides its configuration; kept in `run.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,7 +46,7 @@ pub(crate) struct Identity {
     /// The prior that the run was given, if it did not make its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) prior: Option<Origin>,
-    /// Hash of the configuration, which stands in a file of its own.
+    /// Hash of what of the configuration must stay as it is; the whole stands in a file of its own.
     #[serde(default)]
     pub(crate) configuration_sha256: String,
 }
@@ -127,18 +129,10 @@ pub(crate) fn look_into(folder: &Path, resume: bool) -> Result<Option<Begun>> {
     }
 }
 
-/// What a run was begun with; nothing of it may be changed afterwards, as some results would be of one configuration and some
-/// of another.
+/// What a run was begun with; nothing of it may be changed by hand, as some results would be of one configuration and some of
+/// another.
 pub(crate) fn read_configuration(folder: &Path, identity: &Identity) -> Result<Table> {
-    let path = folder.join(RESOLVED);
-    if files::sha256_of(&files::read(&path)?) != identity.configuration_sha256 {
-        return Err(Error::bad_input("the configuration is not the one that the run was begun with")
-            .at(&path)
-            .with_hint(
-                "take back the change, or begin another run with it: --config FILE --out OTHER_FOLDER",
-            ));
-    }
-    Ok(configuration::Layer::from_file(&path)?.values)
+    resolved::read(folder, &identity.configuration_sha256)
 }
 
 /// Whether a folder holds a run, of whatever kind.
@@ -203,11 +197,13 @@ struct Written {
 pub(crate) struct RunFolder {
     path: PathBuf,
     lock: Option<Lock>,
+    /// What is there instead of the files, where nothing may be written; `None` for a file that is taken to be away.
+    unwritten: Option<BTreeMap<String, Option<Vec<u8>>>>,
 }
 
 impl RunFolder {
     fn at(path: PathBuf) -> Self {
-        Self { path, lock: None }
+        Self { path, lock: None, unwritten: None }
     }
 
     /// Begins a run, or goes on with the one in the folder if that depends on the same things.
@@ -217,10 +213,15 @@ impl RunFolder {
         identity: &Identity,
         configuration: &Table,
     ) -> Result<Self> {
-        if begun.is_some() {
-            let mut folder = Self::look(path, begun, identity, configuration)?;
+        if let Some(begun) = begun {
+            check_same(begun, identity, configuration).map_err(|error| error.at(&path))?;
+            let mut folder = Self::at(path);
             interruption::run_is_in(&folder.path);
             folder.tidy();
+            if !asked_again::is_settled(&folder.path, &begun.configuration, configuration) {
+                folder.claim()?;
+                asked_again::settle(&folder.path, &begun.configuration, configuration)?;
+            }
             return Ok(folder);
         }
         fs::create_dir_all(&path).map_err(|error| Error::io("cannot make the run folder", &path, &error))?;
@@ -228,12 +229,11 @@ impl RunFolder {
         folder.claim()?;
         // Another command may have begun one since it was looked for.
         look_into(&folder.path, false)?;
-        let text = toml::to_string_pretty(configuration).expect("what was read from TOML is TOML");
-        let identity =
-            Identity { configuration_sha256: files::sha256_of(text.as_bytes()), ..identity.clone() };
+        let configuration_sha256 = resolved::sha256_of_fixed(configuration);
+        let identity = Identity { configuration_sha256, ..identity.clone() };
         let json = seal::to_json(&identity);
         undisturbed(|| {
-            files::write_atomically(&folder.path.join(RESOLVED), text.as_bytes())?;
+            resolved::write(&folder.path, configuration)?;
             // Last, since it makes the folder a run.
             files::write_atomically(&folder.path.join(RUN), &json)
         })?;
@@ -241,17 +241,20 @@ impl RunFolder {
         Ok(folder)
     }
 
-    /// The folder of a run that would begin or go on; touches nothing.
+    /// The folder of a run that would begin or go on; touches nothing, and what is stored lasts as long as this.
     pub(crate) fn look(
         path: PathBuf,
         begun: Option<&Begun>,
         identity: &Identity,
         configuration: &Table,
     ) -> Result<Self> {
+        let mut unwritten = BTreeMap::new();
         if let Some(begun) = begun {
             check_same(begun, identity, configuration).map_err(|error| error.at(&path))?;
+            let changed = asked_again::would_be(&path, &begun.configuration, configuration);
+            unwritten.extend(changed.into_iter().map(|(name, held)| (name.to_owned(), fs::read(held).ok())));
         }
-        Ok(Self::at(path))
+        Ok(Self { unwritten: Some(unwritten), ..Self::at(path) })
     }
 
     /// Takes away the lock of a process that is gone, and what it left; where that cannot be done, nothing depends on it.
@@ -276,6 +279,9 @@ impl Ledger for RunFolder {
     }
 
     fn recall(&self, name: &str) -> Result<Option<Vec<u8>>> {
+        if let Some(instead) = self.unwritten.as_ref().and_then(|unwritten| unwritten.get(name)) {
+            return Ok(instead.clone());
+        }
         let path = self.path.join(name);
         match fs::symlink_metadata(&path) {
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
@@ -285,10 +291,12 @@ impl Ledger for RunFolder {
 
     /// What is there already is not written again, so that a finished run may lie on a disk that is only read.
     fn store(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+        if let Some(unwritten) = &mut self.unwritten {
+            unwritten.insert(name.to_owned(), Some(bytes.to_vec()));
+            return Ok(());
+        }
         let path = self.path.join(name);
-        if fs::symlink_metadata(&path).is_ok_and(|found| found.is_file())
-            && fs::read(&path).is_ok_and(|found| found == bytes)
-        {
+        if holds(&path, bytes) {
             return Ok(());
         }
         self.claim()?;
@@ -296,6 +304,10 @@ impl Ledger for RunFolder {
     }
 
     fn forget(&mut self, name: &str) -> Result<()> {
+        if let Some(unwritten) = &mut self.unwritten {
+            unwritten.insert(name.to_owned(), None);
+            return Ok(());
+        }
         let path = self.path.join(name);
         if fs::symlink_metadata(&path).is_err_and(|error| error.kind() == ErrorKind::NotFound) {
             return Ok(());
@@ -308,6 +320,17 @@ impl Ledger for RunFolder {
             _ => Ok(()),
         }
     }
+}
+
+/// Writes a file unless it holds these bytes already: a finished run can be read where nothing may be written.
+pub(crate) fn write_if_new(path: &Path, bytes: &[u8]) -> Result<()> {
+    if holds(path, bytes) { Ok(()) } else { undisturbed(|| files::write_atomically(path, bytes)) }
+}
+
+fn holds(path: &Path, bytes: &[u8]) -> bool {
+    let is_as_long = |found: &fs::Metadata| found.is_file() && found.len() == bytes.len() as u64;
+    fs::symlink_metadata(path).is_ok_and(|found| is_as_long(&found))
+        && fs::read(path).is_ok_and(|found| found == bytes)
 }
 
 /// Removes what a killed command left behind, and nothing of the user's.
@@ -361,7 +384,8 @@ fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Resu
     ];
     let differs = pairs.into_iter().find(|(_, old, new)| old != new);
     let (what, old, new) =
-        match (differs, configuration::first_difference(&begun.configuration, configuration)) {
+        match (differs, configuration::first_difference(&fixed(&begun.configuration), &fixed(configuration)))
+        {
             (Some((what, old, new)), _) => (what.to_owned(), old, new),
             (None, Some(difference)) => difference,
             (None, None) => return Ok(()),

@@ -327,7 +327,7 @@ fn a_run_folder_of_another_run() {
         ("--set judge.repeats=5", ["judge.repeats was 2", "is 5"]),
         ("--seed 9", ["seed was 0", "is 9"]),
         ("--method avg-fine-tune", ["method was \"maml\"", "is \"avg-fine-tune\""]),
-        ("--keep 3", ["keep was \"quarter\"", "is \"3\""]),
+        ("--keep 3 --set imitate.evaluations=5", ["imitate.evaluations was 4", "is 5"]),
         ("--preset paper", ["cloning_judge.judging.averaged was 2", "is 10"]),
         ("--judge paper", ["judges was \"both\"", "is \"paper\""]),
     ] {

@@ -86,3 +86,34 @@ fn frames_sheet_and_clip_appear_together_or_not_at_all() {
     assert_eq!(clip[..6], *b"GIF89a");
     assert_eq!(clip.last(), Some(&b';'), "the clip is whole");
 }
+
+/// Where nothing is said of a folder, pictures stand beside the run whose policy plays; looked at by what stands in the way there.
+#[test]
+fn pictures_of_a_policy_go_beside_its_run() {
+    let scratch = Scratch::new("beside");
+    let record = "--count 2 --set demonstrator.updates=2 --set demonstrator.snapshot_every=1 --set demonstrator.batch_steps=300";
+    scratch.succeed(&format!("record --task free_throw {record} --out made/thrower"));
+    std::fs::copy(
+        scratch.0.join("made/thrower/policy_demonstrator.safetensors"),
+        scratch.0.join("lone.safetensors"),
+    )
+    .unwrap();
+    for folder in ["made/thrower_pictures", "runs/free_throw_pictures"] {
+        std::fs::create_dir_all(scratch.0.join(folder)).unwrap();
+        std::fs::write(scratch.0.join(folder).join("old.png"), "").unwrap();
+    }
+    for (policy, wanted) in [
+        ("made/thrower/policy_demonstrator.safetensors", "made/thrower_pictures"),
+        ("lone.safetensors", "runs/free_throw_pictures"),
+    ] {
+        let output = scratch.run(&format!("play --task free_throw --policy {policy} --sheet"));
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains("holds other files") && said.contains(wanted), "{said}");
+    }
+    let mut within =
+        scratch.command("play --task free_throw --policy policy_demonstrator.safetensors --sheet");
+    let output = within.current_dir(scratch.0.join("made/thrower")).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("made/thrower_pictures"), "{said}");
+}

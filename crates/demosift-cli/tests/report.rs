@@ -30,7 +30,7 @@ setTimeout(() => {
     }
   }
   const found = {
-    errors: window.complaints, rows: document.querySelectorAll('#places tbody tr').length, quarters,
+    errors: window.complaints, rows: document.querySelectorAll('#places tbody tr, #looks tbody tr').length, quarters,
     images: document.images.length, charts: document.querySelectorAll('section svg').length,
     wide: document.documentElement.scrollWidth > innerWidth, title: document.title,
     sections: [...document.querySelectorAll('section')].filter((one) => one.textContent).map((one) => one.id),
@@ -177,6 +177,59 @@ fn a_page_asks_nothing_of_the_network_and_is_the_same_each_time() {
         assert!(!markup.contains(wanting), "{wanting}");
     }
     assert!(!html.contains(&scratch.0.display().to_string()), "no path of this machine");
+}
+
+/// Ten reaches, of which one jumps and one is there twice.
+fn write_reaches(scratch: &Scratch, name: &str) {
+    use demosift::data::demonstration::d4rl::{self, Episode};
+    use demosift::math::rows::Rows;
+    let reach = |size: f32, jumps: bool| {
+        let at = |step: usize| {
+            size * (1.0 - (step as f32 / 19.0).cos()) + if jumps && step == 30 { 1.5 } else { 0.0 }
+        };
+        Rows::from_flat((0..60).map(at).collect(), 1).unwrap()
+    };
+    let sizes = [1.0, 1.01, 0.99, 1.02, 0.98, 1.03, 0.97, 1.04, 1.0, 1.01];
+    let observations: Vec<Rows> =
+        sizes.iter().enumerate().map(|(place, size)| reach(*size, place == 4)).collect();
+    let actions = Rows::from_flat(vec![0.5; 60], 1).unwrap();
+    let episode = |observations| Episode { observations, actions: &actions, states: None, terminated: false };
+    d4rl::write(&scratch.0.join(name), &observations.iter().map(episode).collect::<Vec<_>>()).unwrap();
+}
+
+#[test]
+fn the_look_at_a_set_is_a_page_with_the_oddest_first() {
+    let scratch = Scratch::new("looks");
+    write_reaches(&scratch, "<b>reaches.hdf5");
+    let said = scratch.succeed("inspect <b>reaches.hdf5 --html looks.html");
+    assert!(said.ends_with("\nPage: looks.html\n"), "{said}");
+    let found = data(&scratch, "looks.html");
+    let json: Value = serde_json::from_str(&scratch.succeed("inspect <b>reaches.hdf5 --json")).unwrap();
+    assert_eq!(found["looks"], json["episodes_by_oddness"]);
+    assert_eq!(found["looks"][2]["label"], "4", "{}", found["looks"]);
+    let html = String::from_utf8(scratch.files(".")["looks.html"].clone()).unwrap();
+    assert!(
+        html.contains("default-src 'none'") && html.contains("<title>&lt;b&gt;reaches.hdf5: 10 episodes"),
+        "{html:.600}"
+    );
+    assert!(!html.contains("src=") && !html.contains(&scratch.0.display().to_string()));
+
+    // A page of before is written again, and nothing else.
+    scratch.succeed("inspect set --html looks.html");
+    std::fs::write(scratch.0.join("notes.txt"), "mine").unwrap();
+    let output = scratch.run("inspect set --html notes.txt");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8(output.stderr).unwrap().contains("something else of this name"));
+    assert_eq!(scratch.files(".")["notes.txt"], b"mine");
+
+    scratch.succeed("inspect <b>reaches.hdf5 --html looks.html");
+    for window in ["1200,900", "400,900"] {
+        let Some(seen) = looked_at(&scratch, "looks.html", window) else { return };
+        assert_eq!(seen["errors"], Value::Array(vec![]), "{seen}");
+        assert_eq!((&seen["rows"], &seen["wide"]), (&Value::from(10), &Value::from(false)), "{seen}");
+        assert_eq!(seen["sections"], Value::from(vec!["spread", "episodes", "meaning"]));
+        assert!(seen["charts"].as_u64().unwrap() >= 5, "{seen}");
+    }
 }
 
 #[test]

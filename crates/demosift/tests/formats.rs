@@ -193,12 +193,50 @@ fn integers_halves_truth_and_columns_of_one_dimension_are_numbers() {
 fn what_is_not_read_of_hdf5_is_named_with_the_line_that_mends_it() {
     for (name, wanted) in [
         ("blosc.hdf5", "compressed by blosc"),
-        ("zstd.hdf5", "compressed by zstd"),
+        ("bitshuffle.hdf5", "compressed by bitshuffle"),
         ("newest.hdf5", "newest layout of HDF5 2.0"),
     ] {
         let error = read(&fixture(name)).unwrap_err();
         assert_says(&error, &[wanted, name, "h5repack", "h5py.File"]);
         assert!(!error.to_string().contains("damaged"), "{error}");
+    }
+}
+
+/// h5py and hdf5plugin wrote the same numbers under each name.
+#[test]
+fn what_zstd_and_lz4_compress_is_what_stands_beside_it_without_a_filter() {
+    let observed = |group: &str, name: &str| {
+        let columns = Columns { observations: vec![format!("{group}/{name}")], actions: Vec::new() };
+        open::open(&fixture("packed.hdf5"), None, &columns).unwrap_or_else(|error| panic!("{name}: {error}"))
+    };
+    for group in ["observed", "other_end"] {
+        let plain = observed(group, "plain");
+        assert_eq!(plain.episodes.len(), 3, "where an episode ends is compressed too");
+        assert!(plain.episodes[0].observations.flat()[..3].iter().all(|value| *value != 0.0));
+        assert_eq!(plain.episodes[2].observations.row(39), [0.25; 3]);
+        for name in ["zstd", "shuffled_zstd", "lz4", "lz4_blocks", "checked"] {
+            assert_eq!(observed(group, name).episodes, plain.episodes, "{group}/{name}");
+        }
+    }
+    let ones = read(&fixture("zstd.hdf5")).unwrap();
+    assert!(
+        ones.episodes.iter().all(|episode| episode.observations.flat().iter().all(|value| *value == 1.0))
+    );
+}
+
+#[test]
+fn damage_under_a_filter_is_told() {
+    let scratch = Scratch::new("packed");
+    let bytes = fs::read(fixture("packed.hdf5")).unwrap();
+    let path = scratch.0.join("packed.hdf5");
+    let columns = Columns { observations: vec!["observed/shuffled_zstd".to_owned()], actions: Vec::new() };
+    for place in (0..bytes.len()).step_by(bytes.len() / 300) {
+        let mut damaged = bytes.clone();
+        damaged[place] ^= 0x55;
+        fs::write(&path, &damaged).unwrap();
+        check(open::open(&path, None, &columns), &format!("byte {place}"));
+        fs::write(&path, &bytes[..place]).unwrap();
+        check(open::open(&path, None, &columns), &format!("cut at {place}"));
     }
 }
 
@@ -434,6 +472,97 @@ fn what_is_written_is_read_again() {
         assert_eq!(shorter.observations, episode.observations.head(steps));
         assert_eq!(shorter.last_observation.as_deref(), Some(episode.observations.row(steps)));
     }
+}
+
+/// What stands in for a video, as nobody looks into them.
+fn film(camera: &str, episode: usize) -> Vec<u8> {
+    format!("not really a film: {camera}, episode {episode}").into_bytes()
+}
+
+/// The set of `formats/` that LeRobot wrote, as one of version 2.1 with two cameras.
+fn with_cameras(scratch: &Scratch) -> PathBuf {
+    let path = scratch.copy("lerobot_v2");
+    let info = path.join("meta/info.json");
+    let mut described: serde_json::Value = serde_json::from_slice(&fs::read(&info).unwrap()).unwrap();
+    for camera in ["observation.images.top", "observation.images.wrist"] {
+        described["features"][camera] = serde_json::json!({ "dtype": "video", "shape": [4, 6, 3], "names": ["height", "width", "channels"] });
+        for episode in 0..LENGTHS.len() {
+            let file = path.join(format!("videos/chunk-000/{camera}/episode_{episode:06}.mp4"));
+            fs::create_dir_all(file.parent().unwrap()).unwrap();
+            fs::write(file, film(camera, episode)).unwrap();
+        }
+    }
+    fs::write(info, described.to_string()).unwrap();
+    path
+}
+
+#[test]
+fn videos_go_with_the_episodes_that_are_written() {
+    let scratch = Scratch::new("videos");
+    let path = with_cameras(&scratch);
+    let source = read(&path).unwrap();
+    let all = lerobot::description(&path, &source).unwrap();
+    assert!(all.videos.missing.is_empty(), "{:?}", all.videos.missing);
+    let rate = f64::from(all.steps_per_sec);
+
+    // The first and the last; and of these, which are of version 3.0 now, the last.
+    let kept: Vec<_> = [0, 2].map(|place: usize| source.episodes[place].clone()).to_vec();
+    let first = scratch.0.join("first");
+    let described = lerobot::Described { videos: all.videos.of(&[0, 2]), ..all.clone() };
+    lerobot::write(&first, &kept, None, &described).unwrap();
+    let again = read(&first).unwrap();
+    let found = lerobot::description(&first, &again).unwrap();
+    assert!(found.videos.missing.is_empty(), "{:?}", found.videos.missing);
+    let second = scratch.0.join("second");
+    let described = lerobot::Described { videos: found.videos.of(&[1]), ..found.clone() };
+    lerobot::write(&second, &again.episodes[1..], None, &described).unwrap();
+    for camera in ["observation.images.top", "observation.images.wrist"] {
+        for (path, episodes) in [(&first, &[0, 2][..]), (&second, &[2])] {
+            let folder = path.join(format!("videos/{camera}/chunk-000"));
+            let mut files: Vec<_> =
+                fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+            files.sort();
+            let films: Vec<_> = files.iter().map(|file| fs::read(file).unwrap()).collect();
+            assert_eq!(films, episodes.iter().map(|&episode| film(camera, episode)).collect::<Vec<_>>());
+        }
+    }
+    let info: serde_json::Value =
+        serde_json::from_slice(&fs::read(second.join("meta/info.json")).unwrap()).unwrap();
+    let feature = &info["features"]["observation.images.top"];
+    assert_eq!((&feature["dtype"], &feature["shape"]), (&"video".into(), &vec![4, 6, 3].into()));
+    assert_eq!(info["video_path"], "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4");
+    assert_eq!(format!("{:?}", found.videos).matches(&format!("to_secs: {:?}", 5.0 / rate)).count(), 2);
+
+    // One that is not there is named, and the other camera is handed on.
+    fs::remove_file(path.join("videos/chunk-000/observation.images.top/episode_000001.mp4")).unwrap();
+    let fewer = lerobot::description(&path, &source).unwrap().videos;
+    let [missing] = &fewer.missing[..] else { panic!("{:?}", fewer.missing) };
+    assert!(
+        missing.contains("images.top") && missing.contains("episode_000001.mp4 is not there"),
+        "{missing}"
+    );
+    assert_eq!(fewer.cameras.len(), 1);
+    let wrong = lerobot::Described { videos: all.videos.of(&[0]), ..all };
+    let error = lerobot::write(&scratch.0.join("wrong"), &kept, None, &wrong).unwrap_err();
+    assert_says(&error, &["1 videos of observation.images.top", "each of the 2 episodes"]);
+}
+
+/// A name that leads elsewhere is no column of a data set.
+#[test]
+fn no_video_is_written_outside_of_the_folder() {
+    let scratch = Scratch::new("videos-outside");
+    let path = scratch.copy("lerobot_v2");
+    let info = path.join("meta/info.json");
+    let mut described: serde_json::Value = serde_json::from_slice(&fs::read(&info).unwrap()).unwrap();
+    described["features"]["../../outside"] = serde_json::json!({ "dtype": "video", "shape": [1, 1, 3] });
+    fs::write(info, described.to_string()).unwrap();
+    let source = read(&path).unwrap();
+    let found = lerobot::description(&path, &source).unwrap().videos;
+    assert!(
+        found.cameras.is_empty() && found.missing[0].contains("no name of a folder"),
+        "{:?}",
+        found.missing
+    );
 }
 
 #[test]

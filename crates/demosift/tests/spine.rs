@@ -41,6 +41,7 @@ fn small(seed: u64) -> Config {
         seed,
         method: Method::Maml,
         keep: Keep::Count(2),
+        judged_for: None,
         policy: PolicyShape { hidden: vec![16, 16], initial_std: 0.5 },
         inner: InnerUpdate {
             batch_steps: 240,

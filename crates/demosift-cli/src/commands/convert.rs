@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use demosift::data::demonstration::episode::{Episode, Format, Source};
-use demosift::data::demonstration::lerobot::Described;
+use demosift::data::demonstration::lerobot::{Described, Videos};
 use demosift::data::demonstration::{self, DemoId, lerobot, minari};
 use demosift::data::trajectory::StateLog;
 use demosift::{Error, Result};
@@ -24,6 +24,7 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
     match arguments.to {
         Target::Lerobot => {
             let described = described(&source, &path, arguments.fps, arguments.task.as_deref(), out)?;
+            described.videos.missing.iter().for_each(|words| terminal::note(words));
             let states = demonstration::open::read_states(&path, Some(source.format))?;
             let (_, states) = chosen(&source, states.as_deref(), &source.ids)?;
             undisturbed(|| lerobot::write(out, &source.episodes, states.as_deref(), &described))?;
@@ -56,6 +57,13 @@ pub(super) fn described(
         Format::LeRobotV3 | Format::LeRobotV2 => lerobot::description(path, source)?,
         _ => Described::default(),
     };
+    if fps.is_some_and(|fps| fps != described.steps_per_sec) && !described.videos.cameras.is_empty() {
+        let said = format!(
+            "the videos are not handed on: they are of {} pictures in a second",
+            described.steps_per_sec
+        );
+        described.videos = Videos { missing: vec![said], ..Videos::default() };
+    }
     match (fps, described.steps_per_sec) {
         (Some(given), _) => described.steps_per_sec = given,
         (None, 0) => described.steps_per_sec = rate_of_task(task)?,

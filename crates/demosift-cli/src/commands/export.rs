@@ -21,11 +21,13 @@ use crate::answers::{self, Exported};
 use crate::arguments::{ExportArguments, Form, SetArguments};
 use crate::demonstrations::{self, Demonstrations};
 use crate::run_folder::{self, Data, Identity, RunFolder};
-use crate::tables;
-use crate::terminal;
 use crate::writing::undisturbed;
+use crate::{tables, terminal};
 
-/// What a run recommends to train on: what its verdict says, or without one what its ranking keeps.
+/// How many demonstrations are named one by one.
+const MOST_NAMED: usize = 20;
+
+/// What a run recommends to train on: what its verdict says, or without one what its ranking keeps; or what the user names.
 struct Kept {
     identity: Identity,
     data: Data,
@@ -33,11 +35,18 @@ struct Kept {
     demonstrations: Demonstrations,
     /// In the order of the set.
     ids: Vec<DemoId>,
+    /// Whose choice these are.
+    chosen_by: String,
 }
 
 pub(crate) fn run(arguments: &ExportArguments) -> Result<()> {
     // Not everything needs the demonstrations, which may be gone.
-    let kept = || open(&arguments.run);
+    let kept = || {
+        let kept = open(arguments)?;
+        terminal::note(&in_words(&kept));
+        others_imitated(&kept)?.iter().for_each(|words| terminal::note(words));
+        Ok(kept)
+    };
     match arguments.form {
         Form::LerobotEpisodes => write_episode_list(&kept()?, arguments),
         Form::Json => say(&terminal::tame_json(&format!("{:#}\n", as_json(&kept()?)?)), arguments),
@@ -59,6 +68,10 @@ fn write_lerobot(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
         let of_kept = source.ids.iter().zip(&described.tasks).filter(|(id, _)| kept.ids.contains(id));
         described.tasks = of_kept.map(|(_, task)| task.clone()).collect();
     }
+    let is_kept = |place: &usize| source.ids.get(*place).is_some_and(|id| kept.ids.contains(id));
+    let places: Vec<usize> = (0..source.ids.len()).filter(is_kept).collect();
+    described.videos = described.videos.of(&places);
+    described.videos.missing.iter().for_each(|words| terminal::note(words));
     let states =
         demonstration::open::read_states(&kept.demonstrations.path, Some(kept.demonstrations.source.format))?;
     let (episodes, states) = convert::chosen(&kept.demonstrations.source, states.as_deref(), &kept.ids)?;
@@ -84,19 +97,11 @@ fn write_minari(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     written(kept, &out)
 }
 
-fn open(run: &Path) -> Result<Kept> {
+fn open(arguments: &ExportArguments) -> Result<Kept> {
+    let run = &arguments.run;
     let (identity, folder) = run_folder::of_finished(run)?;
     let data = identity.data.clone().ok_or_else(|| {
         Error::bad_input("this run has no demonstrations; wanted one of sift or select").at(run)
-    })?;
-    let subset = Subset::recall(&folder, "")?.ok_or_else(|| {
-        let hint = match run_folder::first_within(run) {
-            Some(goal) => {
-                format!("it has several goals; give the folder of one of them, such as {}", goal.display())
-            }
-            None => "demosift select --resume --out RUN ranks them and keeps the best".to_owned(),
-        };
-        Error::bad_input("this run has kept no demonstrations yet").at(run).with_hint(hint)
     })?;
     let demonstrations = demonstrations::open(None, &SetArguments::default(), Some(&data))?;
     let found = demonstrations.data()?.sha256;
@@ -107,13 +112,73 @@ fn open(run: &Path) -> Result<Kept> {
         ))
         .at(&data.path));
     }
-    // What to train on is the referee's to say, where it was asked.
-    let verdict = Verdict::recall(&folder, "")?;
-    let demos = verdict.as_ref().and_then(Verdict::recommended).unwrap_or(&subset.demos);
-    let mut ids: Vec<DemoId> = demos.to_vec();
+    let choice = match &arguments.demonstration_ids[..] {
+        [] => choice_of_run(run, &identity, &folder)?,
+        named => super::imitate::check(named, &demonstrations.set)
+            .map(|()| Choice { ids: super::imitate::named(named), by: "as you name them".to_owned() })?,
+    };
+    let Choice { mut ids, by: chosen_by } = choice;
     ids.sort_unstable();
     check_known(&ids, &demonstrations.set, run)?;
-    Ok(Kept { identity, data, folder, demonstrations, ids })
+    Ok(Kept { identity, data, folder, demonstrations, ids, chosen_by })
+}
+
+/// Demonstrations, and whose choice they are.
+struct Choice {
+    ids: Vec<DemoId>,
+    by: String,
+}
+
+/// What to train on is the referee's to say, where it was asked.
+fn choice_of_run(run: &Path, identity: &Identity, folder: &RunFolder) -> Result<Choice> {
+    let subset = Subset::recall(folder, "")?.ok_or_else(|| {
+        let hint = match run_folder::first_within(run) {
+            Some(goal) => {
+                format!("it has several goals; give the folder of one of them, such as {}", goal.display())
+            }
+            None => "demosift select --resume --out RUN ranks them and keeps the best".to_owned(),
+        };
+        Error::bad_input("this run has kept no demonstrations yet").at(run).with_hint(hint)
+    })?;
+    let verdict = Verdict::recall(folder, "")?;
+    let recommended =
+        verdict.as_ref().and_then(|verdict| Some((verdict.recommended()?, verdict.winner_names()?)));
+    Ok(match recommended {
+        Some((ids, names)) => {
+            let what = if names == ["all"] { "the whole set".to_owned() } else { names.join(" and ") };
+            Choice { ids: ids.to_vec(), by: format!("as the referee recommends ({what})") }
+        }
+        None => {
+            let configuration = run_folder::read_configuration(run, identity)?;
+            let keep = configuration.get("keep").and_then(|keep| keep.as_str()).unwrap_or("quarter");
+            Choice { ids: subset.demos, by: format!("as the ranking keeps them (keep = {keep})") }
+        }
+    })
+}
+
+/// What is handed on, for whoever may think of something else.
+fn in_words(kept: &Kept) -> String {
+    let (count, of) = (kept.ids.len(), kept.demonstrations.set.len());
+    let which = if count > MOST_NAMED { String::new() } else { format!(": {}", tables::list(&kept.ids)) };
+    format!("{count} of {of} demonstrations, {}{which}", kept.chosen_by)
+}
+
+/// Says of policies from demonstrations that were named that these are not what is handed on.
+fn others_imitated(kept: &Kept) -> Result<Option<String>> {
+    let run = kept.folder.path();
+    let names = policies::names(run)?;
+    let others = names.iter().filter_map(|name| {
+        let ids = name.strip_prefix("policy_demonstrations_")?.replace('_', ",");
+        let is_other = ids != kept.ids.iter().map(ToString::to_string).collect::<Vec<_>>().join(",");
+        is_other.then_some(ids)
+    });
+    let others: Vec<String> = others.collect();
+    Ok(others.first().map(|first| {
+        format!(
+            "policies were also trained on demonstrations that you named ({}); --demonstration-ids {first} hands these on",
+            others.join("; ")
+        )
+    }))
 }
 
 /// Whether all that a run's files name are demonstrations of its set.
@@ -215,6 +280,7 @@ fn as_json(kept: &Kept) -> Result<Value> {
         data: &kept.data,
         seed: configuration.get("seed"),
         configuration: &configuration,
+        chosen: &kept.chosen_by,
         demonstrations: rows(kept)?,
     }))
 }
@@ -270,12 +336,13 @@ fn as_csv(kept: &Kept) -> Result<String> {
     ];
     let all = as_json(kept)?;
     let mut text = format!(
-        "# demosift {}, task {}{}, seed {}, data sha256 {}\n{}\n",
+        "# demosift {}, task {}{}, seed {}, data sha256 {}\n# kept: {}\n{}\n",
         kept.identity.demosift,
         kept.identity.task,
         kept.identity.variant.as_ref().map_or(String::new(), |variant| format!(", variant {variant}")),
         all["seed"],
         kept.data.sha256,
+        kept.chosen_by,
         COLUMNS.join(",")
     );
     for row in rows(kept)?.iter().map(value) {

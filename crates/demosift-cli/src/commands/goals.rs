@@ -55,7 +55,7 @@ pub(super) fn each(
         if !arguments.json {
             terminal::show(&format!("\nGoal {goal}\n\n"));
         }
-        found.push(one(&mut job.for_goal(goal, false)?, arguments.json)?);
+        found.push(one(&mut job.for_goal(goal, arguments.dry_run)?, arguments.json)?);
     }
     if arguments.json {
         let goals = goals.iter().cloned().zip(found).collect();

@@ -32,7 +32,8 @@ fn compare(job: &mut Job, json: bool) -> Result<Value> {
     let ids = job.set().ids();
     let (from_subset, from_all) = job.run(|run| {
         let subset = select::selection(run)?.subset;
-        let from_subset = experiment::learning_curve(run, "subset", &subset.demos)?;
+        let part = experiment::kept_part(run.config);
+        let from_subset = experiment::learning_curve(run, &part, &subset.demos)?;
         Ok((from_subset, experiment::learning_curve(run, "all", &ids)?))
     })?;
     if json {
@@ -69,7 +70,7 @@ fn part(demos: &[DemoId]) -> String {
     demos.iter().fold("demonstrations".to_owned(), |name, demo| format!("{name}_{demo}"))
 }
 
-fn check(ids: &[usize], set: &DemonstrationSet) -> Result<()> {
+pub(super) fn check(ids: &[usize], set: &DemonstrationSet) -> Result<()> {
     match ids.iter().find(|id| !set.holds(DemoId(**id))) {
         None => Ok(()),
         Some(id) => Err(Error::bad_input(format!(
@@ -80,7 +81,7 @@ fn check(ids: &[usize], set: &DemonstrationSet) -> Result<()> {
 }
 
 /// The ids in ascending order, each once.
-fn named(ids: &[usize]) -> Vec<DemoId> {
+pub(super) fn named(ids: &[usize]) -> Vec<DemoId> {
     let mut demos: Vec<DemoId> = ids.iter().copied().map(DemoId).collect();
     demos.sort_unstable();
     demos.dedup();

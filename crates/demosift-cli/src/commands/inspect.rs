@@ -10,6 +10,8 @@ use demosift::run::experiment;
 use crate::answers;
 use crate::arguments::InspectArguments;
 use crate::demonstrations::{self, Opened};
+use crate::report::looks;
+use crate::report::page::name_of_set;
 use crate::tables::{table, wrapped};
 use crate::{task, terminal};
 
@@ -35,6 +37,21 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<()> {
     });
     let wrong = set.as_ref().err().map(ToString::to_string);
     let way = set.as_ref().err().and_then(demosift::Error::hint);
+    if let Some(page) = &arguments.html {
+        let fits = fits.as_ref().zip(arguments.task.as_ref()).map(|(fits, task)| fits_in_words(fits, task));
+        let made = looks::Made {
+            demosift: env!("CARGO_PKG_VERSION"),
+            set: name_of_set(&path),
+            format: seen.format.to_string(),
+            observation_size: seen.observations.len(),
+            action_size: seen.actions.len(),
+            left_out: choice::in_words(&seen.left_out),
+            why_not: wrong.as_deref(),
+            way_out: way,
+            fits,
+        };
+        looks::write(page, &looks, &made)?;
+    }
     if arguments.json {
         terminal::show_json(&answers::Inspect {
             path: &path,
@@ -63,12 +80,19 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<()> {
         way.iter().for_each(|way| terminal::show(&format!("What can be done: {way}\n")));
     }
     if let (Some(fits), Some(task)) = (fits, &arguments.task) {
-        terminal::show(&match fits {
-            Ok(()) => format!("\nIt fits the task '{task}'.\n"),
-            Err(why) => format!("\nIt does not fit the task '{task}': {why}.\n"),
-        });
+        terminal::show(&format!("\n{}\n", fits_in_words(&fits, task)));
+    }
+    if let Some(page) = &arguments.html {
+        terminal::show(&format!("\nPage: {}\n", page.display()));
     }
     Ok(())
+}
+
+fn fits_in_words(fits: &std::result::Result<(), String>, task: &str) -> String {
+    match fits {
+        Ok(()) => format!("It fits the task '{task}'."),
+        Err(why) => format!("It does not fit the task '{task}': {why}."),
+    }
 }
 
 fn summary(seen: &Inspection) -> String {

@@ -41,7 +41,8 @@ struct Episode {
 
 pub(crate) fn run(arguments: &PlayArguments) -> Result<()> {
     let chosen = task::choose(&arguments.task)?;
-    let studio = Studio::open(&chosen, &arguments.pictures)?;
+    let beside = beside(arguments.policy.as_deref(), &chosen);
+    let studio = Studio::open(&chosen, &arguments.pictures, beside)?;
     let episodes = match (&arguments.policy, &arguments.data) {
         (Some(policy), _) => play(&chosen, policy, arguments)?,
         (None, Some(data)) => replay(&chosen, data, arguments)?,
@@ -91,6 +92,17 @@ fn play(chosen: &Chosen, path: &Path, arguments: &PlayArguments) -> Result<Vec<E
         states,
     });
     Ok(episodes.collect())
+}
+
+/// The run folder that a policy lies in; of others, and of demonstrations, that which a run with this task would have.
+fn beside(policy: Option<&Path>, chosen: &Chosen) -> PathBuf {
+    // The folder that one stands in has no name in the path.
+    let named = |folder: &Path| match folder.file_name() {
+        Some(_) => Some(folder.to_owned()),
+        None => Path::new(".").join(folder).canonicalize().ok(),
+    };
+    let of_run = policy.and_then(Path::parent).filter(|folder| run_folder::is_one(folder)).and_then(named);
+    of_run.unwrap_or_else(|| job::default_folder(&chosen.name, None))
 }
 
 /// The one goal of the run that a policy lies in the folder of, if that was about one goal of this task.
@@ -179,8 +191,8 @@ struct Studio<'c> {
 }
 
 impl<'c> Studio<'c> {
-    /// `None` if no pictures are wanted.
-    fn open(chosen: &'c Chosen, arguments: &PictureArguments) -> Result<Option<Self>> {
+    /// `None` if no pictures are wanted; without a folder for them they go beside this one.
+    fn open(chosen: &'c Chosen, arguments: &PictureArguments, beside: PathBuf) -> Result<Option<Self>> {
         let PictureArguments { frames, sheet, clip, moments, size, .. } = *arguments;
         if !(frames || sheet || clip) {
             return match &arguments.out {
@@ -199,7 +211,7 @@ impl<'c> Studio<'c> {
                 .with_hint("add a <camera name=\"side\" .../> to it")
         })?;
         let out = arguments.out.clone().unwrap_or_else(|| {
-            let mut folder = job::default_folder(&chosen.name, None).into_os_string();
+            let mut folder = beside.into_os_string();
             folder.push("_pictures");
             folder.into()
         });

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use demosift::Result;
+use demosift::data::demonstration::DemoId;
 use demosift::results::artifact::Artifact;
 use demosift::results::data_only::DataOnly;
 use demosift::results::report;
@@ -43,6 +44,8 @@ pub(crate) fn run(arguments: &ReportArguments) -> Result<()> {
 /// What a page is made of, besides the replay.
 struct Found {
     report: Report,
+    /// The demonstrations that are looked at, by rank.
+    shown: Vec<DemoId>,
     /// Why the demonstrations' own heuristic is not known, where it should be.
     unusable: Option<String>,
 }
@@ -67,16 +70,20 @@ fn gather(job: &mut Job) -> Result<Found> {
         set: job.set(),
         task: job.chosen().task.as_ref(),
         keep: job.keep(),
+        kept_part: &job.kept_part(),
         panel: &panel,
         data_only: &beside.data_only,
         own_heuristic: beside.own.as_ref(),
         costs: &costs,
     })?;
-    Ok(Found { report, unusable: beside.unusable.map(|why| why.message().to_owned()) })
+    let shown = report::worth_a_look(&panel.deciding().ranking, report.k);
+    Ok(Found { report, shown, unusable: beside.unusable.map(|why| why.message().to_owned()) })
 }
 
 fn write_found(job: &mut Job, found: &Found) -> Result<PathBuf> {
-    let replay = replay::of(job)?;
+    let replay = replay::of(job, &found.shown)?;
+    let mut report = found.report.clone();
+    report.curves.retain(|curve| found.shown.contains(&curve.demo));
     let made = page::Made {
         demosift: env!("CARGO_PKG_VERSION"),
         set: page::name_of_set(job.set_path()),
@@ -87,7 +94,7 @@ fn write_found(job: &mut Job, found: &Found) -> Result<PathBuf> {
         unusable: found.unusable.as_deref(),
         left_out: job.left_out(),
     };
-    let html = page::html(&found.report, &made, &replay);
+    let html = page::html(&report, &made, &replay);
     let path = job.folder().path().join(PAGE);
     job.store(PAGE, html.as_bytes())?;
     Ok(path)

@@ -3,7 +3,7 @@
 use demosift::Result;
 use demosift::results::artifact::Artifact;
 use demosift::run::experiment::{self, Run, Selection};
-use demosift::run::forecast::Goal;
+use demosift::run::forecast::{self, Goal};
 use demosift::stages::select::Keep;
 use demosift::stages::subset_selection::Weighing;
 use serde_json::Value;
@@ -11,13 +11,24 @@ use serde_json::Value;
 use super::{goals, kept_in};
 use crate::answers::{self, OfRun};
 use crate::arguments::JobArguments;
-use crate::job::Job;
+use crate::job::{Job, Prior};
 use crate::tables::judgment::{self, Judgment, Kept};
 use crate::tables::{costs, weights};
 use crate::terminal;
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
-    goals::run(arguments, Goal::Selection, None, one).map(drop)
+    let run = &arguments.run;
+    let mut job = Job::open(arguments, Prior::Needed)?;
+    if !run.dry_run {
+        return goals::each(&mut job, run, one);
+    }
+    if job.run(|run| Ok(forecast::planned(run, Goal::Selection)?.is_empty()))? {
+        // There is nothing to forecast, and what would be kept can be said without writing it.
+        goals::each(&mut job, run, one)?;
+        terminal::note("nothing was written");
+        return Ok(());
+    }
+    goals::dry_run_each(&mut job, Goal::Selection, None, run)
 }
 
 /// The selection of a task with one goal.

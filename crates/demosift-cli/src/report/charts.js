@@ -21,7 +21,7 @@ function svg(name, attributes, ...children) {
 
 // Decimals that suit the size of the numbers, as the command's tables have them.
 function decimalsFor(values) {
-  const largest = Math.max(0, ...values.filter(Number.isFinite).map(Math.abs));
+  const largest = values.filter(Number.isFinite).reduce((most, value) => Math.max(most, Math.abs(value)), 0);
   return largest >= 1000 ? 0 : largest >= 100 ? 1 : largest >= 10 ? 2 : 3;
 }
 
@@ -49,7 +49,8 @@ function count(number) {
 
 function extent(values) {
   const finite = values.filter(Number.isFinite);
-  let [low, high] = [Math.min(...finite), Math.max(...finite)];
+  // Not by spreading: a large set has more numbers than a call may have arguments.
+  let [low, high] = finite.reduce(([least, most], value) => [Math.min(least, value), Math.max(most, value)], [Infinity, -Infinity]);
   if (!(high > low)) [low, high] = [low - 0.5, high + 0.5];
   return [low, high];
 }

@@ -9,8 +9,10 @@ use serde::Serialize;
 use super::replay::Replay;
 
 const TEMPLATE: &str = include_str!("page.html");
-/// What stands in for each `{{NAME}}` of the template, besides the data; each name is there once.
-const PARTS: [(&str, &str); 6] = [
+/// A name and what stands in for `{{NAME}}` in a template, where it is once.
+pub(super) type Part = (&'static str, &'static str);
+
+const PARTS: [Part; 6] = [
     ("STYLE", include_str!("page.css")),
     ("THREE", include_str!("three/three.bundle.js")),
     ("CHARTS", include_str!("charts.js")),
@@ -55,18 +57,23 @@ struct Data<'a> {
 
 /// The page; the same run gives the same bytes.
 pub(crate) fn html(report: &Report, made: &Made<'_>, replay: &Replay) -> String {
-    let data = serde_json::to_string(&Data { report, made, replay }).expect("plain data always serializes");
+    let title = format!("{}: {} demonstrations", report.task, report.entries.len());
+    assembled(TEMPLATE, &PARTS, &title, &Data { report, made, replay })
+}
+
+/// A template with its parts, its title and its data inside.
+pub(super) fn assembled(template: &str, parts: &[Part], title: &str, data: &impl Serialize) -> String {
+    let data = serde_json::to_string(data).expect("plain data always serializes");
     // Inside a script nothing but `<` can end it, and JSON has another way to write it.
     let data = data.replace('<', "\\u003c");
-    let title = format!("{}: {} demonstrations", escaped(&report.task), report.entries.len());
-    let mut page = TEMPLATE.to_owned();
-    for (name, text) in PARTS {
+    let mut page = template.to_owned();
+    for (name, text) in parts {
         page = page.replacen(&format!("{{{{{name}}}}}"), text, 1);
     }
     // What users write comes last, and of this the data first, so that a title which looks like a place is no place.
     let place = page.find("{{TITLE}}").expect("the template has a title");
     page = page.replacen("{{DATA}}", &data, 1);
-    page.replace_range(place..place + "{{TITLE}}".len(), &title);
+    page.replace_range(place..place + "{{TITLE}}".len(), &escaped(title));
     page
 }
 

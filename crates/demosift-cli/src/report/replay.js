@@ -9,21 +9,22 @@
     section.append(el("p", { class: "soft" }, missing ?? "There is nothing to play."));
     return;
   }
-  section.append(el("p", { class: "soft" }, "A demonstration as it was recorded, and the agent before and after imitating it by each judge. Of the episodes that the agent was scored by, this is the one whose scores are the most typical; its start is the same for all. Drag to turn, and use the wheel with Ctrl to come nearer."));
+  section.append(el("p", { class: "soft" }, "A demonstration as it was recorded, and the agent before and after imitating it by each judge. Of the episodes that the agent was scored by, this is the one whose scores are the most typical; its start is the same for all. Drag to turn, and use the wheel with Ctrl to come nearer." + whichLooked));
   if (missing) section.append(el("p", { class: "small" }, missing));
   if (model.left_out) section.append(el("p", { class: "small" }, `${model.left_out} shape${model.left_out > 1 ? "s" : ""} of the model (meshes or fields of heights) cannot be drawn here.`));
 
   // What the address asks for, such as #demo=4&at=0.8.
   const asked = new URLSearchParams(location.hash.slice(1));
   const state = {
-    demo: report.entries.some((entry) => entry.demo === Number(asked.get("demo") ?? NaN)) ? Number(asked.get("demo")) : report.entries[0].demo,
+    demo: report.entries.some((entry) => entry.demo === Number(asked.get("demo") ?? NaN) && isLooked(entry.demo)) ? Number(asked.get("demo")) : report.entries[0].demo,
     variant: 0, secs: Number(asked.get("at") ?? 0) || 0,
     playing: !asked.has("at") && !matchMedia("(prefers-reduced-motion: reduce)").matches, speed: 1, dirty: true,
   };
 
   // Controls.
   const choose = el("select", { "aria-label": "demonstration", on: { change: () => show(Number(choose.value)) } },
-    report.entries.map((entry, place) => el("option", { value: entry.demo }, `${entry.demo} – rank ${place + 1}${entry.kept ? ", kept" : ""}`)));
+    report.entries.filter((entry) => isLooked(entry.demo)).map((entry) =>
+      el("option", { value: entry.demo }, `${entry.demo} – rank ${placeOf.get(entry.demo)}${entry.kept ? ", kept" : ""}`)));
   const chooseVariant = el("select", { on: { change: () => { state.variant = Number(chooseVariant.value); cast(); } } },
     report.variants.map((name, variant) => el("option", { value: variant }, name)));
   const play = el("button", { class: "play", on: { click: () => { state.playing = !state.playing; told(); } } });

@@ -3,6 +3,7 @@
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use demosift::Result;
+use demosift::data::demonstration::DemoId;
 use demosift::data::trajectory::StateLog;
 use demosift::results::panel::Judge;
 use demosift::results::report::{self, Moment, Shown};
@@ -26,6 +27,8 @@ pub(crate) struct Replay {
     episodes: Vec<Episode>,
     /// What is missing, and why.
     missing: Option<String>,
+    /// Which demonstrations are looked at, by rank, where these are not all.
+    pub(crate) demos: Option<Vec<DemoId>>,
 }
 
 #[derive(Serialize)]
@@ -61,26 +64,32 @@ struct Cast {
 
 impl Replay {
     fn none(why: &str) -> Self {
-        Self { scene: None, episodes: Vec::new(), missing: Some(why.to_owned()) }
+        Self { scene: None, episodes: Vec::new(), missing: Some(why.to_owned()), demos: None }
     }
 }
 
-/// Plays the agent again and brings the demonstrations beside it.
-pub(crate) fn of(job: &mut Job) -> Result<Replay> {
+/// Plays the agent again and brings the demonstrations beside it, for these demonstrations.
+pub(crate) fn of(job: &mut Job, demos: &[DemoId]) -> Result<Replay> {
+    let is_all = demos.len() == job.set().len();
+    Ok(Replay { demos: (!is_all).then(|| demos.to_vec()), ..tried(job, demos)? })
+}
+
+fn tried(job: &mut Job, demos: &[DemoId]) -> Result<Replay> {
     let Some(task) = job.chosen().mujoco.clone() else {
         return Ok(Replay::none("This task has no MuJoCo model, so there is nothing to draw."));
     };
-    match played(&task, job) {
+    match played(&task, job, demos) {
         // A replay that cannot be had is no reason to go without the report.
         Err(error) if !error.is_io() => Ok(Replay::none(&format!("There is no replay: {}", error.message()))),
         replay => replay,
     }
 }
 
-fn played(task: &MujocoTask, job: &mut Job) -> Result<Replay> {
-    let shown = agent(job)?;
+fn played(task: &MujocoTask, job: &mut Job, demos: &[DemoId]) -> Result<Replay> {
+    let shown = agent(job, demos)?;
     let recorded = job.states();
-    let played = recorded.and_then(|recorded| demonstrations(task, job, &recorded.unwrap_or_default()));
+    let played =
+        recorded.and_then(|recorded| demonstrations(task, job, demos, &recorded.unwrap_or_default()));
     let (mut cast, missing) = match played {
         Ok(cast) if cast.is_empty() => (
             cast,
@@ -97,14 +106,20 @@ fn played(task: &MujocoTask, job: &mut Job) -> Result<Replay> {
     let steps = cast.iter().map(|cast| cast.steps).sum();
     let stride = scene::stride(&scene, steps, MOST_BYTES);
     let episodes = cast.iter().map(|cast| episode(task, cast, stride)).collect::<Result<_>>()?;
-    Ok(Replay { scene: Some(scene), episodes, missing })
+    Ok(Replay { scene: Some(scene), episodes, missing, demos: None })
 }
 
 /// The demonstrations whose states are known, with what they scored themselves.
-fn demonstrations(task: &MujocoTask, job: &Job, recorded: &[StateLog]) -> Result<Vec<Cast>> {
+fn demonstrations(
+    task: &MujocoTask,
+    job: &Job,
+    demos: &[DemoId],
+    recorded: &[StateLog],
+) -> Result<Vec<Cast>> {
     let known = job
         .set()
         .iter()
+        .filter(|(demo, _)| demos.contains(demo))
         .filter_map(|(demo, recording)| Some((recorded.get(demo.0)?.clone(), demo, recording)));
     let cast = known.map(|(states, demo, recording)| {
         let measured = measurements(task, &states, recording.actions())
@@ -141,7 +156,7 @@ fn of_agent(judge: Judge, shown: Shown) -> Cast {
 }
 
 /// What each judge's agent did before and after imitating each demonstration.
-fn agent(job: &mut Job) -> Result<Vec<Cast>> {
+fn agent(job: &mut Job, demos: &[DemoId]) -> Result<Vec<Cast>> {
     job.run(|run| {
         let mut cast = Vec::new();
         for &judge in run.config.judges.each() {
@@ -149,7 +164,7 @@ fn agent(job: &mut Job) -> Result<Vec<Cast>> {
             let (judging, seed) =
                 (experiment::judging(run, judge), experiment::judging_seed(run.config, judge));
             let start = experiment::first_start(run, judge)?;
-            let shown = report::agent_episodes(run.playground, &start, &judged, &judging, &seed)?;
+            let shown = report::agent_episodes(run.playground, &start, &judged, &judging, &seed, demos)?;
             cast.extend(shown.into_iter().map(|shown| of_agent(judge, shown)));
         }
         Ok(cast)

@@ -8,8 +8,16 @@ const into = (id, ...children) => document.getElementById(id).append(...children
 const placeOf = new Map(report.entries.map((entry, place) => [entry.demo, place + 1]));
 const several = report.variants.length > 1;
 const scoreDecimals = decimalsFor(report.entries.flatMap((entry) => [entry.after, entry.after - entry.gain]));
+// Of a large set not all are looked at.
+const looked = replay.demos ? new Set(replay.demos) : null;
+const isLooked = (demo) => !looked || looked.has(demo);
+const whichLooked = looked ? ` Of the ${count(report.entries.length)} demonstrations these are ${looked.size}: the best, the worst, and those near the cut.` : "";
 const keptDemos = report.entries.filter((entry) => entry.kept).map((entry) => entry.demo);
-const listed = (demos) => [...demos].sort((a, b) => a - b).join(", ");
+// Nobody reads a list of hundreds; the table below has them all.
+function listed(demos) {
+  const sorted = [...demos].sort((a, b) => a - b);
+  return sorted.length > 40 ? `${sorted.slice(0, 12).join(", ")} and ${count(sorted.length - 12)} more` : sorted.join(", ");
+}
 
 const STAGES = {
   meta_train: "learning to imitate", pre_train: "imitating the entire set",
@@ -90,7 +98,7 @@ function ranking() {
     class: [entry.kept ? "kept" : "", place && entries[place - 1].group !== entry.group ? "newgroup" : ""].join(" ").trim() || null,
   },
     el("td", {}, `${place + 1}`),
-    el("td", { class: "left" }, shows
+    el("td", { class: "left" }, shows && isLooked(entry.demo)
       ? el("button", { class: "link", title: "replay it", on: { click: () => window.showDemonstration?.(entry.demo) } }, `${entry.demo}`)
       : `${entry.demo}`),
     el("td", { class: "wide" }, `${entry.steps}`),
@@ -233,7 +241,7 @@ function adaptation() {
   const place = el("div", { class: "multiples" });
   const points = (bands) => bands.map((band, update) => [update, band.mean, band.low, band.high]);
   function show(variant) {
-    place.replaceChildren(...report.entries.map((entry) => {
+    place.replaceChildren(...report.entries.filter((entry) => isLooked(entry.demo)).map((entry) => {
       const curve = curves.find((one) => one.demo === entry.demo && one.variant === variant);
       if (!curve) return el("figure", {});
       const [color, band] = entry.kept ? ["var(--ours)", "var(--band)"] : ["var(--soft)", "var(--faint)"];
@@ -255,7 +263,7 @@ function adaptation() {
   }
   into("adaptation",
     el("h2", {}, "How each adaptation went"),
-    el("p", { class: "soft" }, `Above: the heuristic${unit ? ` in${unit}` : ""} over the updates, the mean and the range of the repeats; the dotted line is the agent before. Below: which share the discriminator told right; at 0.5 it cannot tell the agent from the demonstration, at 1 it always can. The adapted agents are ${significant(report.adapted_behaviors_distance)} away from what was demonstrated (adapted behaviors distance, the mean of the set).`),
+    el("p", { class: "soft" }, `Above: the heuristic${unit ? ` in${unit}` : ""} over the updates, the mean and the range of the repeats; the dotted line is the agent before. Below: which share the discriminator told right; at 0.5 it cannot tell the agent from the demonstration, at 1 it always can. The adapted agents are ${significant(report.adapted_behaviors_distance)} away from what was demonstrated (adapted behaviors distance, the mean of the set).${whichLooked}`),
     several ? el("div", { class: "controls" }, el("label", {}, "Variant", el("select", { on: { change: (event) => show(Number(event.target.value)) } },
       report.variants.map((name, variant) => el("option", { value: variant }, name))))) : null,
     place);
@@ -309,7 +317,7 @@ function costs() {
     el("h2", {}, "What it cost"),
     el("p", { class: "soft" }, `In environment steps. Every method may spend ${count(quota)} on learning to imitate and judging; ${report.method} spent ${count(of_quota)} of them.`),
     el("div", { class: "scroll" }, el("table", {}, el("tbody", {}, stages.map(([stage, steps]) => el("tr", {},
-      el("td", { class: "left" }, STAGES[stage] ?? stage), el("td", {}, count(steps)), el("td", { class: "left", style: "width:55%" }, bar(steps / most, 260))))))));
+      el("td", { class: "left" }, STAGES[stage] ?? (stage.startsWith("imitate_subset_keep_") ? STAGES.imitate_subset : stage)), el("td", {}, count(steps)), el("td", { class: "left", style: "width:55%" }, bar(steps / most, 260))))))));
 }
 
 function configuration() {

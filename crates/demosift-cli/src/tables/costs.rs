@@ -56,6 +56,7 @@ pub(super) fn in_words(stage: &str) -> String {
         "random_subsets" => "from scratch, random subsets",
         demonstrator::STAGE => "training the demonstrator",
         "record" => "recording",
+        other if other.starts_with("imitate_subset_keep_") => "from scratch, the kept",
         other => return other.replace("imitate_demonstrations_", "from scratch, ").replace('_', ", "),
     }
     .to_owned()

@@ -204,9 +204,8 @@ fn opinions(ranking: &Ranking, columns: &[&Column]) -> String {
     let header: Vec<&str> =
         ["demonstration"].into_iter().chain(columns.iter().map(|column| column.name.as_str())).collect();
     let mut rows: Vec<Vec<String>> = Vec::with_capacity(ranking.entries.len() + 1);
-    for entry in &ranking.entries {
-        let scores =
-            columns.iter().map(|column| significant(column.scores[ranking.place_in_set(entry.demo)]));
+    for (entry, place) in ranking.entries.iter().zip(ranking.places_in_set()) {
+        let scores = columns.iter().map(|column| significant(column.scores[place]));
         rows.push([entry.demo.to_string()].into_iter().chain(scores).collect());
     }
     let agreements = columns.iter().map(|column| column.agreement(ranking));

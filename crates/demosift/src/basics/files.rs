@@ -88,6 +88,18 @@ pub fn check_is_plain(path: &Path) -> Result<()> {
 /// # Errors
 /// `is_bad_input` if there is something at `folder` already; `is_io` if a byte could not be written.
 pub fn write_folder(folder: &Path, contents: &[(&str, Vec<u8>)]) -> Result<()> {
+    write_folder_with(folder, contents, &[])
+}
+
+/// The same with copies of other files, each with its path below the folder and where it is.
+///
+/// # Errors
+/// As [`write_folder`].
+pub fn write_folder_with(
+    folder: &Path,
+    contents: &[(&str, Vec<u8>)],
+    copies: &[(String, PathBuf)],
+) -> Result<()> {
     if folder.exists() {
         return Err(Error::bad_input(
             "there is something of this name already; wanted the name of a new folder",
@@ -100,6 +112,7 @@ pub fn write_folder(folder: &Path, contents: &[(&str, Vec<u8>)]) -> Result<()> {
             .map_err(|source| Error::io("cannot remove what is left of a write", &partial, &source))?;
     }
     let written = fill(&partial, contents)
+        .and_then(|()| copy_into(&partial, copies))
         .and_then(|()| fs::rename(&partial, folder).map_err(|source| cannot_write(folder, &source)));
     if written.is_err() {
         // The first error is the one to tell.
@@ -109,13 +122,22 @@ pub fn write_folder(folder: &Path, contents: &[(&str, Vec<u8>)]) -> Result<()> {
 }
 
 fn fill(folder: &Path, contents: &[(&str, Vec<u8>)]) -> Result<()> {
-    for (name, bytes) in contents {
-        let path = folder.join(name);
-        let parent = path.parent().unwrap_or(folder);
-        fs::create_dir_all(parent).map_err(|source| Error::io("cannot make the folder", parent, &source))?;
-        write_atomically(&path, bytes)?;
-    }
-    Ok(())
+    contents.iter().try_for_each(|(name, bytes)| write_atomically(&place(folder, name)?, bytes))
+}
+
+fn copy_into(folder: &Path, copies: &[(String, PathBuf)]) -> Result<()> {
+    copies.iter().try_for_each(|(name, from)| {
+        let copied = fs::copy(from, place(folder, name)?);
+        copied.map(drop).map_err(|source| Error::io("cannot copy", from, &source))
+    })
+}
+
+/// The path of a file below a folder, in folders that are there.
+fn place(folder: &Path, name: &str) -> Result<PathBuf> {
+    let path = folder.join(name);
+    let parent = path.parent().unwrap_or(folder);
+    fs::create_dir_all(parent).map_err(|source| Error::io("cannot make the folder", parent, &source))?;
+    Ok(path)
 }
 
 /// SHA-256 of the files, one after the other, as hexadecimal digits.

@@ -53,9 +53,14 @@ const WAY_OUT: &str = "delete this file and go on with --resume, which makes it 
 
 /// Plain data as JSON that is sealed in its first line.
 pub fn to_json(content: &impl Serialize) -> Vec<u8> {
-    let content = serde_json::to_vec_pretty(content).expect("plain data always serializes");
-    let body = content.strip_prefix(b"{\n").expect("what is sealed has fields");
-    let mut bytes = [JSON_HEAD, &OPEN, JSON_TAIL, body, b"\n"].concat();
+    to_json_with(content, |indented| format!("{indented}\n"))
+}
+
+/// The same written another way, of which the first line is the opening brace.
+pub fn to_json_with(content: &impl Serialize, written: impl FnOnce(&str) -> String) -> Vec<u8> {
+    let text = written(&serde_json::to_string_pretty(content).expect("plain data always serializes"));
+    let body = text.strip_prefix("{\n").expect("what is sealed has fields").as_bytes();
+    let mut bytes = [JSON_HEAD, &OPEN, JSON_TAIL, body].concat();
     seal(&mut bytes, JSON_HEAD.len());
     bytes
 }

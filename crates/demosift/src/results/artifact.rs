@@ -4,8 +4,10 @@
 //! each policy is also written as ONNX, to be played without demosift;
 //! checkpoints and a demonstrator's stages, which are for the next process of the same version only, are compact binary.
 
+mod in_few_lines;
 pub mod onnx;
 
+use in_few_lines::{Nulls, in_few_lines};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
@@ -61,7 +63,17 @@ fn recall_json<T: DeserializeOwned>(ledger: &dyn Ledger, name: &str) -> Result<O
 }
 
 fn store_json<T: Serialize>(ledger: &mut dyn Ledger, name: &str, content: &T) -> Result<()> {
-    ledger.store(name, &seal::to_json(&Versioned { version: FORMAT_VERSION, content }))
+    store_json_with(ledger, name, content, Nulls::Written)
+}
+
+fn store_json_with<T: Serialize>(
+    ledger: &mut dyn Ledger,
+    name: &str,
+    content: &T,
+    nulls: Nulls,
+) -> Result<()> {
+    let versioned = Versioned { version: FORMAT_VERSION, content };
+    ledger.store(name, &seal::to_json_with(&versioned, |text| in_few_lines(text, nulls)))
 }
 
 #[derive(Serialize, Deserialize)]
@@ -121,7 +133,8 @@ impl Artifact for Judged {
             policy_tensors(&adapted_prefix(*variant, *demo), policy)
         });
         ledger.store(&adapted_name(judge), &write_tensors(&tensors.collect::<Vec<_>>()))?;
-        store_json(ledger, &scores_name(judge), &self.scores)
+        // An update has numbers of one of the imitators only.
+        store_json_with(ledger, &scores_name(judge), &self.scores, Nulls::LeftOut)
     }
 
     fn recall(ledger: &dyn Ledger, judge: &str) -> Result<Option<Self>> {

@@ -29,7 +29,7 @@ use crate::stages::subset_selection::{Weighing, WeighingEnd};
 use crate::world::environment::{EnvVariant, Task};
 use crate::world::heuristic::Score;
 
-pub use shown::{Moment, Shown, agent_episodes, typical_evaluation};
+pub use shown::{Moment, Shown, agent_episodes, typical_evaluation, worth_a_look};
 
 /// What a report is made of.
 pub struct Sources<'a> {
@@ -41,6 +41,8 @@ pub struct Sources<'a> {
     pub task: &'a dyn Task,
     /// How many were to be kept.
     pub keep: Keep,
+    /// Under which name the policy is stored that one training made of the kept.
+    pub kept_part: &'a str,
     /// What the judges say.
     pub panel: &'a Panel,
     /// What scorers of the recordings alone say.
@@ -284,7 +286,7 @@ pub fn report(sources: &Sources<'_>) -> Result<Report> {
         data_only: sources.data_only.columns.iter().map(|column| beside(ranking, column)).collect(),
         own_heuristic: sources.own_heuristic.map(|column| beside(ranking, column)),
         verdict: Verdict::recall(ledger, "")?,
-        learning: learning(ledger, set)?,
+        learning: learning(sources)?,
         weights: Weighing::recall(ledger, "")?.map(trends),
         costs: spending(sources.costs),
     })
@@ -373,9 +375,10 @@ fn curve(judge: Judge, of: &Suitability) -> AdaptationCurve {
     }
 }
 
-/// A number of each update over the repeats, as far as every repeat has it.
+/// A number of each update over the repeats whose curves were kept, as far as every one of them has it.
 fn bands(curves: &[Vec<UpdateReport>], number: impl Fn(&UpdateReport) -> Option<f64>) -> Vec<Band> {
-    let updates = curves.iter().map(Vec::len).min().unwrap_or(0);
+    let curves: Vec<&Vec<UpdateReport>> = curves.iter().filter(|curve| !curve.is_empty()).collect();
+    let updates = curves.iter().map(|curve| curve.len()).min().unwrap_or(0);
     let band = |update: usize| {
         let values: Option<Vec<f64>> = curves.iter().map(|curve| number(&curve[update])).collect();
         values.map(|values| Band {
@@ -389,24 +392,27 @@ fn bands(curves: &[Vec<UpdateReport>], number: impl Fn(&UpdateReport) -> Option<
 
 /// A column in the order of the ranking.
 fn beside(ranking: &Ranking, column: &Column) -> ColumnShown {
-    let scores: Vec<f64> =
-        ranking.entries.iter().map(|entry| column.scores[ranking.place_in_set(entry.demo)]).collect();
+    let scores = ranking.ordered(&column.scores);
     let (name, meaning) = (column.name.clone(), column.meaning.clone());
     ColumnShown { name, meaning, places: places(&scores), scores, spearman: column.agreement(ranking) }
 }
 
 /// The place of each from 1, the highest first; those alike share the mean of their places.
 fn places(scores: &[f64]) -> Vec<f64> {
-    let place = |score: &f64| {
-        let better = scores.iter().filter(|other| *other > score).count();
-        let alike = scores.iter().filter(|other| *other == score).count();
-        better as f64 + (alike as f64 + 1.0) / 2.0
-    };
-    scores.iter().map(place).collect()
+    let mut order: Vec<usize> = (0..scores.len()).collect();
+    order.sort_by(|&one, &other| scores[other].total_cmp(&scores[one]));
+    let (mut places, mut better) = (vec![0.0; scores.len()], 0);
+    for alike in order.chunk_by(|&one, &other| scores[one] == scores[other]) {
+        let place = better as f64 + (alike.len() as f64 + 1.0) / 2.0;
+        alike.iter().for_each(|&index| places[index] = place);
+        better += alike.len();
+    }
+    places
 }
 
-fn learning(ledger: &dyn Ledger, set: &DemonstrationSet) -> Result<Option<Learning>> {
-    let (subset, all) = (LearningCurve::recall(ledger, "subset")?, LearningCurve::recall(ledger, "all")?);
+fn learning(sources: &Sources<'_>) -> Result<Option<Learning>> {
+    let Sources { ledger, set, kept_part, .. } = *sources;
+    let (subset, all) = (LearningCurve::recall(ledger, kept_part)?, LearningCurve::recall(ledger, "all")?);
     Ok(subset.zip(all).map(|(subset, all)| Learning {
         gain: gain::gain(&subset.outcome, &all.outcome),
         is_all: subset.demos.len() == set.len(),

@@ -44,6 +44,7 @@
 pub(crate) mod arrows;
 mod checkpointing;
 mod checks;
+mod chosen;
 mod judging;
 mod oracle;
 mod verdict;
@@ -65,7 +66,7 @@ use crate::stages::imitate::{self, Imitation, ImitationState, LearningCurve, Les
 use crate::stages::judge::{self, Judging};
 use crate::stages::meta_train::{MetaTraining, MutualInformation};
 use crate::stages::method::{Costs, Method, Spent};
-use crate::stages::referee::{self, KEPT, NamedSubset, Refereeing, Verdict};
+use crate::stages::referee::{self, Refereeing, Verdict};
 use crate::stages::select::{self, Keep, Ranking, Subset};
 use crate::stages::subset_selection::{self, Means, SubsetSelection, Weighing, WeighingState};
 use crate::world::policy::PolicyShape;
@@ -75,6 +76,9 @@ use arrows::Arrow;
 pub use checkpointing::{Checkpointing, forget_checkpoint};
 pub(crate) use checkpointing::{begun, stage_name};
 pub use checks::{check, check_demonstrator, check_fits, check_has_weights};
+pub(crate) use chosen::cut;
+use chosen::cut_of_judging;
+pub use chosen::{kept_part, worth_training_on};
 pub use judging::{
     budget, check_budget, first_start, hand_on, hand_on_prior, judging, judging_seed, opinion, panel, prior,
     scores,
@@ -97,6 +101,10 @@ pub struct Config {
     pub judges: Judges,
     /// How many demonstrations to keep.
     pub keep: Keep,
+    /// How many were to be kept when they were judged, where that was asked for differently than now: further repeats went
+    /// to those near that cut.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub judged_for: Option<Keep>,
     /// The policy's shape, in meta-training and from scratch.
     pub policy: PolicyShape,
     /// The inner update, in meta-training and in judging.
@@ -236,7 +244,7 @@ pub fn costs(run: &Run<'_>) -> Result<Costs> {
     let before = method.stage().map(str::to_owned);
     let stages =
         [cloning].into_iter().chain(before).chain([judging.clone(), subset_selection::STAGE.to_owned()]);
-    let imitations = ["subset", "all"].map(|part| stage_name(imitate::STAGE, part));
+    let imitations = [kept_part(run.config), "all".to_owned()].map(|part| stage_name(imitate::STAGE, &part));
     let recall = |stage: String| Ok(Spent::recall(run.ledger, &stage)?.map(|spent| (stage, spent)));
     let stages = stages.chain(imitations).chain([referee::STAGE.to_owned()]);
     let spent = stages.filter_map(|stage| recall(stage).transpose());
@@ -253,54 +261,8 @@ pub fn data_only(run: &mut Run<'_>) -> Result<DataOnly> {
     Ok(found)
 }
 
-/// K of the top K that is to be kept, as far as it is known before judging.
-pub(crate) fn cut(run: &Run<'_>) -> usize {
-    run.config.keep.count_before_judging(run.set.len())
-}
-
-/// The name of what the selection by weights kept.
-const BY_WEIGHTS: &str = "kept by weights";
-/// The name of what `--keep auto` would keep.
-const SURELY_HELPS: &str = "surely helping";
-
-/// What final policies could be trained on: what each judge keeps, and what by the one that decides surely helps.
-pub fn worth_training_on(run: &Run<'_>, panel: &Panel, selection: &Selection) -> Result<Vec<NamedSubset>> {
-    let mut by_others = Vec::new();
-    for opinion in panel.others().filter(|_| run.config.keep != Keep::Weights) {
-        let demos = kept(run, opinion)?.demos;
-        by_others.push(NamedSubset::new(&format!("{KEPT} by {}", as_keeper(opinion.judge)), &demos));
-    }
-    by_others.retain(|other| !is_same(&other.demos, &selection.subset.demos));
-    let name = match (run.config.keep, panel.opinions.len(), by_others.len()) {
-        (Keep::Weights, ..) => BY_WEIGHTS.to_owned(),
-        (_, 1, _) => KEPT.to_owned(),
-        (_, _, 0) => format!("{KEPT} by both"),
-        _ => format!("{KEPT} by {}", as_keeper(panel.decides)),
-    };
-    let mut subsets = vec![NamedSubset::new(&name, &selection.subset.demos)];
-    subsets.extend(by_others);
-    let surely = panel.deciding().uncertainty.surely_helpful();
-    if !surely.is_empty() && !subsets.iter().any(|known| is_same(&known.demos, &surely)) {
-        subsets.push(NamedSubset::new(SURELY_HELPS, &surely));
-    }
-    Ok(subsets)
-}
-
-/// A judge in the name of what it keeps.
-fn as_keeper(judge: Judge) -> &'static str {
-    match judge {
-        Judge::Cloning => "cloning",
-        Judge::Paper => "the paper's judge",
-    }
-}
-
-/// Whether both hold the same demonstrations, in whatever order.
-fn is_same(one: &[DemoId], other: &[DemoId]) -> bool {
-    one.len() == other.len() && one.iter().all(|demo| other.contains(demo))
-}
-
 /// What a judge would keep, where not weights decide.
-fn kept(run: &Run<'_>, opinion: &Opinion) -> Result<Subset> {
+pub(super) fn kept(run: &Run<'_>, opinion: &Opinion) -> Result<Subset> {
     match run.config.keep {
         Keep::Auto => Ok(Subset { demos: opinion.uncertainty.worth_keeping() }),
         _ => select::top_k(&opinion.ranking, cut(run)),

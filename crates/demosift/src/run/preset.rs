@@ -41,6 +41,7 @@ impl Preset {
             method: Method::Maml,
             judges: Judges::Both,
             keep: Keep::Quarter,
+            judged_for: None,
             policy: PolicyShape { hidden: vec![32, 32], initial_std: 0.5 },
             inner: InnerUpdate { alphas: self.alphas(), ..update(20, 0.15) },
             meta_train: MetaTraining {

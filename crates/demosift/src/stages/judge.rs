@@ -77,7 +77,8 @@ pub struct Suitability {
     pub after: Vec<Vec<Score>>,
     /// How far the adapted agent's evaluation episodes are from v_i (Table 1), one per repeat, `[repeats]`.
     pub distances: Vec<f64>,
-    /// The adaptation curves, `[repeats][iterations]`.
+    /// The adaptation curves, `[repeats][iterations]`; in a set of more than 200 demonstrations that of the first repeat alone,
+    /// and nothing for the others.
     pub curves: Vec<Vec<UpdateReport>>,
 }
 

@@ -130,12 +130,19 @@ pub struct NamedSubset {
     pub name: String,
     /// The demonstrations, in any order.
     pub demos: Vec<DemoId>,
+    /// What is added to its name in files, such as `_keep_5`, where others of this name may have been trained on before.
+    pub ending: String,
 }
 
 impl NamedSubset {
     /// These demonstrations under this name.
     pub fn new(name: &str, demos: &[DemoId]) -> Self {
-        Self { name: name.to_owned(), demos: demos.to_vec() }
+        Self { name: name.to_owned(), demos: demos.to_vec(), ending: String::new() }
+    }
+
+    /// The same with something added to its name in files.
+    pub fn ending_in(self, ending: &str) -> Self {
+        Self { ending: ending.to_owned(), ..self }
     }
 }
 
@@ -181,7 +188,7 @@ pub fn candidates(ids: &[DemoId], kept: &[NamedSubset]) -> Result<Vec<Candidate>
         demos: Some(ids.to_vec()),
     };
     let mut found: Vec<Candidate> = Vec::new();
-    for NamedSubset { name, demos } in kept {
+    for NamedSubset { name, demos, ending } in kept {
         let mut demos = demos.clone();
         demos.sort_unstable();
         demos.dedup();
@@ -194,7 +201,7 @@ pub fn candidates(ids: &[DemoId], kept: &[NamedSubset]) -> Result<Vec<Candidate>
             Some(candidate) => candidate.names.push(name.clone()),
             None => {
                 let size = demos.as_ref().map_or(0, Vec::len);
-                let key = key(name, &found);
+                let key = key(&format!("{name}{ending}"), &found);
                 found.push(Candidate { names: vec![name.clone()], key, side: Side::Kept, size, demos });
             }
         }
@@ -298,6 +305,9 @@ pub struct Verdict {
     pub compared: usize,
     /// The probability of a wrong *helps*, over all of them.
     pub level: f64,
+    /// How many trainings were asked for, where that is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub asked: Option<Refereeing>,
     /// What could be trained on.
     pub candidates: Vec<Candidate>,
     /// Candidates by imitators, with their results.
@@ -309,6 +319,12 @@ impl Verdict {
     pub fn recommended(&self) -> Option<&[DemoId]> {
         let pair = &self.pairs[self.winner?].trained;
         self.candidates[pair.candidate].demos.as_deref()
+    }
+
+    /// The names of what it recommends to train on, such as `kept by cloning`; `None` where nothing was trained.
+    pub fn winner_names(&self) -> Option<&[String]> {
+        let pair = &self.pairs[self.winner?].trained;
+        Some(&self.candidates[pair.candidate].names)
     }
 }
 

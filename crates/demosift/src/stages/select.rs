@@ -17,9 +17,18 @@ pub struct Ranking {
 }
 
 impl Ranking {
-    /// Where a demonstration stands in the order of the set, which holds those of the ranking.
-    pub fn place_in_set(&self, demo: DemoId) -> usize {
-        self.entries.iter().filter(|entry| entry.demo < demo).count()
+    /// Where each demonstration stands in the order of the set, which holds those of the ranking.
+    pub fn places_in_set(&self) -> Vec<usize> {
+        let mut by_id: Vec<usize> = (0..self.entries.len()).collect();
+        by_id.sort_by_key(|&rank| self.entries[rank].demo);
+        let mut places = vec![0; by_id.len()];
+        by_id.into_iter().enumerate().for_each(|(place, rank)| places[rank] = place);
+        places
+    }
+
+    /// Numbers in the order of the set, in that of the ranking.
+    pub fn ordered(&self, of_set: &[f64]) -> Vec<f64> {
+        self.places_in_set().into_iter().map(|place| of_set[place]).collect()
     }
 }
 

@@ -211,6 +211,38 @@ def kinds():
     write("newest.hdf5", libver="latest", compression="gzip")
 
 
+def packed():
+    """The same numbers under every filter that is taken back outside of the HDF5 reader, and once without any."""
+    import h5py
+    import hdf5plugin
+
+    steps = 120
+    luck = np.random.default_rng(1)
+    # Half of it cannot be made smaller, half of it can.
+    rows = np.where(np.arange(steps)[:, None] < 60, luck.normal(size=(steps, 3)), 0.25)
+    ways = {
+        "plain": {},
+        "zstd": hdf5plugin.Zstd(),
+        "shuffled_zstd": dict(shuffle=True, **hdf5plugin.Zstd(clevel=9)),
+        "lz4": hdf5plugin.LZ4(),
+        "lz4_blocks": dict(shuffle=True, **hdf5plugin.LZ4(nbytes=64)),
+        "checked": dict(fletcher32=True, shuffle=True, **hdf5plugin.LZ4()),
+    }
+    with h5py.File(fresh("packed.hdf5"), "w") as file:
+        for name, how in ways.items():
+            # Chunks hang over both edges.
+            chunks = dict(chunks=(50, 2)) if how else {}
+            file.create_dataset(f"observed/{name}", data=rows.astype(np.float32), **chunks, **how)
+            file.create_dataset(f"other_end/{name}", data=rows.astype(">f8"), **chunks, **how)
+        file.create_dataset("actions", data=rows[:, :2].astype(np.float32), chunks=(50, 2), **hdf5plugin.Zstd())
+        file.create_dataset("timeouts", data=np.arange(steps) % 40 == 39, chunks=(50,), **hdf5plugin.LZ4())
+        file.create_dataset("image", data=np.zeros((steps, 2, 2, 3), np.uint8), chunks=(50, 2, 2, 3), **hdf5plugin.Zstd())
+    with h5py.File(fresh("bitshuffle.hdf5"), "w") as file:
+        file.create_dataset("observations", data=np.ones((steps, 3)), chunks=(60, 3), **hdf5plugin.Bitshuffle())
+        file.create_dataset("actions", data=np.zeros((steps, 2)))
+        file.create_dataset("timeouts", data=np.arange(steps) % 60 == 59)
+
+
 def robomimic_of_minari(source, path):
     """A robomimic file of a Minari data set, to try filter keys on a set of any task."""
     import h5py
@@ -238,6 +270,7 @@ TOOLS = {
     "aloha": lambda: aloha("aloha"),
     "zstd": lambda: (zstd("lerobot_v3", "lerobot_v3_zstd"), zstd("lerobot_v2", "lerobot_v2_zstd")),
     "kinds": kinds,
+    "packed": packed,
 }
 
 if __name__ == "__main__":

@@ -45,7 +45,7 @@ pub(super) fn run(arguments: &ExportArguments) -> Result<()> {
 }
 
 /// The names of the files `policy_*.safetensors`, without what comes after the dot.
-fn names(run: &Path) -> Result<Vec<String>> {
+pub(super) fn names(run: &Path) -> Result<Vec<String>> {
     let failed = |error: std::io::Error| Error::io("cannot look into the run folder", run, &error);
     let mut names = Vec::new();
     for entry in std::fs::read_dir(run).map_err(failed)? {

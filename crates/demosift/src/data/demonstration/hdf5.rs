@@ -1,5 +1,7 @@
 //! Reading tables of numbers from HDF5 files that may be damaged, or made to harm.
 
+mod unpacked;
+
 use std::path::Path;
 
 use hdf5_pure::{DType, Dataset, Datatype, DatatypeByteOrder, File, FormatError, Group, Layout};
@@ -42,7 +44,9 @@ pub(super) fn open(path: &Path) -> Result<Opened> {
     let file_len = length_of(path)?;
     // A streamed file is asked for as many bytes as a damaged header claims before its end is seen; a file in memory is not.
     let file = if file_len <= MOST_IN_MEMORY { File::open(path) } else { File::open_streaming(path) };
-    Ok(Opened { file: file.map_err(damaged)?, file_len })
+    let file = file.map_err(damaged)?;
+    let unpacked = unpacked::unpacked(&file, path, file_len)?;
+    Ok(Opened { file: unpacked.unwrap_or(file), file_len })
 }
 
 /// The file's length in bytes.
@@ -97,7 +101,7 @@ fn filter_name(id: u16) -> String {
 pub(super) fn damaged(source: hdf5_pure::Error) -> Error {
     let unread = match &source {
         hdf5_pure::Error::Format(FormatError::UnsupportedFilter(id)) => {
-            Some(format!("compressed by {}, which is not read; wanted gzip, lzf, szip or none", filter_name(*id)))
+            Some(format!("compressed by {}, which is not read; wanted gzip, lzf, szip, zstd, lz4 or none", filter_name(*id)))
         }
         hdf5_pure::Error::Format(FormatError::UnsupportedZfp(_)) => {
             Some("compressed by zfp in a form that is not read; wanted gzip, lzf, szip or none".to_owned())

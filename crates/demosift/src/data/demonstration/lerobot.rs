@@ -27,10 +27,12 @@ use crate::math::rows::Rows;
 
 mod description;
 mod states;
+mod videos;
 mod writing;
 
 pub use description::{Described, description};
 pub use states::read_states;
+pub use videos::Videos;
 pub use writing::write;
 
 /// The file that makes a folder a LeRobot data set.

@@ -13,11 +13,14 @@ use parquet::schema::types::{Type, TypePtr};
 use crate::basics::error::{Error, Result};
 
 /// What a column holds, row after row.
+#[derive(Clone)]
 pub(super) enum Values {
     /// A number a row.
     Integers(Vec<i64>),
     /// A number a row.
     Floats(Vec<f32>),
+    /// A number a row.
+    Doubles(Vec<f64>),
     /// A list of this many numbers a row.
     FloatLists(Vec<f32>, usize),
     /// A list of this many numbers a row.
@@ -29,15 +32,15 @@ pub(super) enum Values {
 }
 
 /// A named column.
-pub(super) type Column = (&'static str, Values);
+pub(super) type Column<'a> = (&'a str, Values);
 
 /// Encodes columns of one length; `notes` are key and value of what the file says of itself.
-pub(super) fn encode(columns: &[Column], notes: Vec<(&str, String)>) -> Result<Vec<u8>> {
+pub(super) fn encode(columns: &[Column<'_>], notes: Vec<(&str, String)>) -> Result<Vec<u8>> {
     write(columns, notes)
         .map_err(|source| Error::bad_input(format!("the tables cannot be stored as parquet: {source}")))
 }
 
-fn write(columns: &[Column], notes: Vec<(&str, String)>) -> std::result::Result<Vec<u8>, ParquetError> {
+fn write(columns: &[Column<'_>], notes: Vec<(&str, String)>) -> std::result::Result<Vec<u8>, ParquetError> {
     let fields = columns.iter().map(field).collect::<std::result::Result<_, _>>()?;
     let schema = Arc::new(Type::group_type_builder("schema").with_fields(fields).build()?);
     let notes = notes.into_iter().map(|(key, value)| KeyValue::new(key.to_owned(), value)).collect();
@@ -54,10 +57,11 @@ fn write(columns: &[Column], notes: Vec<(&str, String)>) -> std::result::Result<
     file.into_inner()
 }
 
-fn field((name, values): &Column) -> std::result::Result<TypePtr, ParquetError> {
+fn field((name, values): &Column<'_>) -> std::result::Result<TypePtr, ParquetError> {
     let (physical, is_list) = match values {
         Values::Integers(_) => (Physical::INT64, false),
         Values::Floats(_) => (Physical::FLOAT, false),
+        Values::Doubles(_) => (Physical::DOUBLE, false),
         Values::FloatLists(..) => (Physical::FLOAT, true),
         Values::DoubleLists(..) => (Physical::DOUBLE, true),
         Values::Words(_) => (Physical::BYTE_ARRAY, false),
@@ -95,6 +99,7 @@ fn write_column(
     match values {
         Values::Integers(values) => write_values::<Int64Type>(group, values, None),
         Values::Floats(values) => write_values::<FloatType>(group, values, None),
+        Values::Doubles(values) => write_values::<DoubleType>(group, values, None),
         Values::FloatLists(values, width) => write_values::<FloatType>(group, values, Some(*width)),
         Values::DoubleLists(values, width) => write_values::<DoubleType>(group, values, Some(*width)),
         Values::Words(values) => write_values::<ByteArrayType>(group, &words(values), None),

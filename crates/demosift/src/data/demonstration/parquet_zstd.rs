@@ -121,8 +121,8 @@ fn broken(what: &str) -> ParquetError {
     ParquetError::General(what.to_owned())
 }
 
-/// What a page holds, which must be `len` bytes.
-fn decompressed(bytes: &[u8], len: u64) -> Result<Vec<u8>> {
+/// What a page holds, which must be `len` bytes; or a chunk of HDF5.
+pub(super) fn decompressed(bytes: &[u8], len: u64) -> Result<Vec<u8>> {
     let window = window(bytes).ok_or_else(|| broken("a page is no frame of zstd"))?;
     if window > LARGEST_WINDOW.max(len) {
         return Err(broken("a frame of zstd wants more memory than its page has bytes"));

@@ -50,10 +50,9 @@ pub struct Column {
 impl Column {
     /// Spearman's rank correlation with the gains of a ranking; `None` where one of both finds all alike.
     pub fn agreement(&self, ranking: &Ranking) -> Option<f64> {
-        let both =
-            ranking.entries.iter().map(|entry| (entry.gain, self.scores[ranking.place_in_set(entry.demo)]));
-        let (gains, scores): (Vec<f64>, Vec<f64>) = both.unzip();
-        Some(agreement::spearman(&gains, &scores)).filter(|agreement| agreement.is_finite())
+        let gains: Vec<f64> = ranking.entries.iter().map(|entry| entry.gain).collect();
+        Some(agreement::spearman(&gains, &ranking.ordered(&self.scores)))
+            .filter(|agreement| agreement.is_finite())
     }
 }
 

@@ -7,6 +7,7 @@ use crate::basics::seed::Seed;
 use crate::data::demonstration::DemoId;
 use crate::data::trajectory::StateLog;
 use crate::stages::judge::{self, Judged, Judging, ScoreTable};
+use crate::stages::select::Ranking;
 use crate::world::environment::{EnvVariant, Rollout};
 use crate::world::heuristic::Score;
 use crate::world::policy::Policy;
@@ -38,7 +39,27 @@ pub struct Shown {
     pub states: StateLog,
 }
 
-/// For each variant the agent before, then the agent after each demonstration, on the most typical of the evaluation
+/// Of so many demonstrations all are looked at.
+const ALL: usize = 40;
+/// Of more these are: so many of the best, so many of the worst, and for the rest of [`ALL`] those nearest to the cut.
+const BEST: usize = 8;
+const WORST: usize = 4;
+
+/// Which demonstrations of a ranking are worth looking at, by rank: all of a small set, and of a large one the best, the worst
+/// and those near the cut after the first `kept`.
+pub fn worth_a_look(ranking: &Ranking, kept: usize) -> Vec<DemoId> {
+    let count = ranking.entries.len();
+    let is_at_an_end = |place: usize| place < BEST || place + WORST >= count;
+    // Twice the distance of a place from the border between the last that is kept and the first that is not.
+    let from_cut = |place: usize| (2 * place + 1).abs_diff(2 * kept);
+    let mut places: Vec<usize> = (0..count).collect();
+    places.sort_by_key(|&place| (!is_at_an_end(place), from_cut(place), place));
+    places.truncate(ALL);
+    places.sort_unstable();
+    places.into_iter().map(|place| ranking.entries[place].demo).collect()
+}
+
+/// For each variant the agent before, then the agent after each of these demonstrations, on the most typical of the evaluation
 /// seeds; nothing where the task has no simulator.
 ///
 /// `start` is the policy that the first repeats started from, and `seed` is that of judging.
@@ -51,14 +72,15 @@ pub fn agent_episodes(
     judged: &Judged,
     judging: &Judging,
     seed: &Seed,
+    demos: &[DemoId],
 ) -> Result<Vec<Shown>> {
     let Judged { scores, adapted } = judged;
     let mut shown = Vec::new();
     for variant in playground.specification().variant_ids() {
         let evaluation = typical_evaluation(scores, variant);
         let look = Look { playground, judging, variant, evaluation, seed };
-        for (of, adapted) in scores.suitabilities.iter().zip(adapted).filter(|(of, _)| of.variant == variant)
-        {
+        let both = scores.suitabilities.iter().zip(adapted);
+        for (of, adapted) in both.filter(|(of, _)| of.variant == variant && demos.contains(&of.demo)) {
             if shown.last().is_none_or(|last: &Shown| last.variant != variant) {
                 shown.extend(look.at(Moment::Before, start, of.before[0][evaluation])?);
             }

@@ -12,6 +12,7 @@ use crate::results::data_only::Column;
 use crate::results::panel::{Found, panel};
 use crate::stages::judge::{self, AdaptedPolicy, Judging, JudgingState, Start, Threads, Trial};
 use crate::stages::method::{Budget, Method, Spent};
+use crate::stages::select::Ranked;
 use crate::world::point_mass::{PointMass, planted_set};
 use crate::world::policy::{Policy, PolicyShape};
 use crate::world::rollout::{Acting, Playground};
@@ -81,6 +82,7 @@ fn found(kept: Option<&[usize]>) -> Result<Report> {
         set: &set,
         task: &PointMass::new(),
         keep: Keep::Quarter,
+        kept_part: "subset",
         panel: &panel(&[Found { judge: Judge::Cloning, scores: &table() }], 1, &Seed::new(2))?,
         own_heuristic: None,
         data_only: &DataOnly { columns: vec![column("right", [1.0, 9.0, 3.0]), column("alike", [2.0; 3])] },
@@ -199,13 +201,47 @@ fn an_evaluation_is_played_again_to_the_bit_and_a_changed_one_is_refused() {
         }
     }
     // There is nothing to draw of a point mass, yet all is played and compared.
-    let shown =
-        agent_episodes(&playground, &prior.policy, &judged, &judging, &seed).expect("the same scores");
-    assert!(shown.is_empty());
-    let other = Seed::new(6);
-    let error =
-        agent_episodes(&playground, &prior.policy, &judged, &judging, &other).expect_err("other luck");
+    let look = |seed: &Seed| agent_episodes(&playground, &prior.policy, &judged, &judging, seed, &set.ids());
+    assert!(look(&seed).expect("the same scores").is_empty());
+    let error = look(&Seed::new(6)).expect_err("other luck");
     assert!(error.is_bad_input() && error.to_string().contains("when it was judged"), "{error}");
+}
+
+/// A ranking of so many: the demonstration of place p has the number 7 p modulo their number, which is no multiple of 7.
+fn ranking_of(count: usize) -> Ranking {
+    let ranked = |place: usize| Ranked {
+        demo: DemoId(7 * place % count),
+        before: 0.0,
+        after: 0.0,
+        gain: -(place as f64),
+    };
+    Ranking { entries: (0..count).map(ranked).collect() }
+}
+
+#[test]
+fn of_a_large_set_the_best_the_worst_and_those_near_the_cut_are_looked_at() {
+    let places = |count: usize, kept: usize| -> Vec<usize> {
+        let ranking = ranking_of(count);
+        let shown = worth_a_look(&ranking, kept);
+        let place =
+            |demo: &DemoId| ranking.entries.iter().position(|entry| entry.demo == *demo).expect("ranked");
+        shown.iter().map(place).collect()
+    };
+    assert_eq!(places(40, 10), (0..40).collect::<Vec<_>>());
+    assert_eq!(places(1000, 250), (0..8).chain(236..264).chain(996..1000).collect::<Vec<_>>());
+    // At either end the cut has neighbors on one side only.
+    assert_eq!(places(1000, 3), (0..36).chain(996..1000).collect::<Vec<_>>());
+    assert_eq!(places(1000, 1000), (0..8).chain(968..1000).collect::<Vec<_>>());
+}
+
+/// By counting, as it was done before.
+#[test]
+fn a_column_is_put_into_the_order_of_the_ranking() {
+    let ranking = ranking_of(100);
+    let of_set: Vec<f64> = (0..100).map(f64::from).collect();
+    let counted = |entry: &Ranked| ranking.entries.iter().filter(|other| other.demo < entry.demo).count();
+    assert_eq!(ranking.places_in_set(), ranking.entries.iter().map(counted).collect::<Vec<_>>());
+    assert_eq!(ranking.ordered(&of_set)[1], 7.0);
 }
 
 /// An inner update that takes no time.

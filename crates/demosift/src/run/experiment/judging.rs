@@ -1,6 +1,8 @@
 //! DemonstrationSet → MetaPrior → ScoreTable → Panel: each judge that is asked, and what they say together.
 
-use super::{Checkpointing, Config, Run, arrows, check_known, cut, forget_checkpoint, make, stage_name};
+use super::{
+    Checkpointing, Config, Run, arrows, check_known, cut, cut_of_judging, forget_checkpoint, make, stage_name,
+};
 use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::basics::seed::Seed;
@@ -169,7 +171,7 @@ fn filter(run: &Run<'_>) -> Result<ObservationFilter> {
 /// Algorithm 2.
 fn judged(run: &mut Run<'_>, judge: Judge, start: Start<'_>, inner: &InnerUpdate) -> Result<ScoreTable> {
     let judging = &judging(run, judge);
-    let (cut, part, seed) = (cut(run), judge.name(), judging_seed(run.config, judge));
+    let (cut, part, seed) = (cut_of_judging(run), judge.name(), judging_seed(run.config, judge));
     let Run { set, playground, ledger, observer, .. } = run;
     let anew = || Ok(JudgingState::default());
     let (mut state, mut checkpointing) =

@@ -1,7 +1,7 @@
 //! What each demonstration teaches alone from scratch, which rankings are compared with; random subsets, which the kept one is
 //! compared with.
 
-use super::{Run, learning_curve, learning_curve_with};
+use super::{Run, kept_part, learning_curve, learning_curve_with};
 use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemoId;
@@ -43,7 +43,7 @@ pub fn oracle(run: &mut Run<'_>, repeats: usize, random: usize) -> Result<Oracle
 /// # Errors
 /// `is_bad_config` if it is missing and there is something to be compared with it.
 pub fn policy_from_kept(run: &Run<'_>, random: usize) -> Result<Option<LearningCurve>> {
-    let kept = LearningCurve::recall(run.ledger, "subset")?;
+    let kept = LearningCurve::recall(run.ledger, &kept_part(run.config))?;
     if random > 0 && kept.is_none() {
         return Err(Error::bad_config("--random compares with the policy from the kept demonstrations, which the run folder does not hold")
             .with_hint("`demosift imitate --out DIR --resume` makes it"));

@@ -32,7 +32,7 @@ pub const BEST: &str = "best";
 /// `is_bad_input` if a subset is empty, `is_diverged` if a training diverges.
 pub fn verdict(run: &mut Run<'_>, kept: &[NamedSubset]) -> Result<Verdict> {
     let candidates = referee::candidates(&run.set.ids(), kept)?;
-    if let Some(verdict) = recalled(run.ledger, &candidates)? {
+    if let Some(verdict) = recalled(run, &candidates)? {
         // Again, in case that it was changed since.
         store_best(run, &verdict)?;
         return Ok(verdict);
@@ -62,9 +62,10 @@ pub fn verdict(run: &mut Run<'_>, kept: &[NamedSubset]) -> Result<Verdict> {
     Ok(verdict)
 }
 
-/// The verdict of before, if it was about the same candidates.
-fn recalled(ledger: &dyn Ledger, candidates: &[Candidate]) -> Result<Option<Verdict>> {
-    Ok(Verdict::recall(ledger, "")?.filter(|verdict| verdict.candidates == candidates))
+/// The verdict of before, if it was about the same candidates and as many trainings.
+fn recalled(run: &Run<'_>, candidates: &[Candidate]) -> Result<Option<Verdict>> {
+    let is_it = |found: &Verdict| found.candidates == candidates && found.asked == Some(run.config.referee);
+    Ok(Verdict::recall(run.ledger, "")?.filter(is_it))
 }
 
 /// Stores what the trainings cost, the policy to be handed over, and at last the verdict, which says that all is done.
@@ -92,7 +93,7 @@ fn store_best(run: &mut Run<'_>, verdict: &Verdict) -> Result<()> {
 
 /// Trainings that are still to be made, as far as can be said before they are: those of pairs that will be dropped count.
 pub(crate) fn rest(run: &Run<'_>, candidates: &[Candidate]) -> Result<Vec<Meant>> {
-    if recalled(run.ledger, candidates)?.is_some() {
+    if recalled(run, candidates)?.is_some() {
         return Ok(Vec::new());
     }
     let ids = run.set.ids();

@@ -101,7 +101,7 @@ pub fn planned(run: &Run<'_>, goal: Goal<'_>) -> Result<Vec<Planned>> {
         Goal::OneTraining => {
             let kept = Subset::recall(run.ledger, "")?.map(|subset| subset.demos);
             let size = kept.as_ref().map_or_else(|| likely_size(run), Vec::len);
-            stages.extend(imitation(run, "subset", kept.as_deref(), size)?);
+            stages.extend(imitation(run, &experiment::kept_part(run.config), kept.as_deref(), size)?);
             stages.extend(imitation(run, "all", Some(&run.set.ids()), count)?);
         }
         Goal::Referee => stages.extend(verdict(run)?),
@@ -118,7 +118,7 @@ pub fn planned(run: &Run<'_>, goal: Goal<'_>) -> Result<Vec<Planned>> {
                 }
             }
             stages.extend(together("oracle", alone));
-            let kept = LearningCurve::recall(run.ledger, "subset")?.map_or(1, |curve| curve.demos.len());
+            let kept = experiment::policy_from_kept(run, 0)?.map_or(1, |curve| curve.demos.len());
             let random =
                 (0..random).map(|number| imitation(run, &experiment::random_part(number), None, kept));
             let random = random.collect::<Result<Vec<_>>>()?;

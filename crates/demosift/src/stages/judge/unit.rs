@@ -78,6 +78,10 @@ fn before(trial: &Trial<'_>, learner: &Learner, unit: &Unit, seed: &Seed) -> Res
     Ok(Outcome { scores, distance: 0.0, curve: Vec::new(), policy: None, played })
 }
 
+/// Of a set of so many demonstrations the curve of every repeat is kept; of a larger one that of the first, or a run folder
+/// would hold little else.
+const ALL_CURVES: usize = 200;
+
 /// Lines 3 to 11 for one demonstration.
 fn imitated(trial: &Trial<'_>, learner: &Learner, demo: DemoId, unit: &Unit, seed: &Seed) -> Result<Outcome> {
     let Judging { iterations, averaged, .. } = *trial.judging;
@@ -91,7 +95,9 @@ fn imitated(trial: &Trial<'_>, learner: &Learner, demo: DemoId, unit: &Unit, see
     let scores = score(trial.playground, &played);
     let policy = (unit.repeat == 0).then_some(policy);
     let played = adapted.played + steps_of(&played);
-    Ok(Outcome { scores, distance, curve: adapted.curve, policy, played })
+    let is_told = unit.repeat == 0 || trial.set.len() <= ALL_CURVES;
+    let curve = if is_told { adapted.curve } else { Vec::new() };
+    Ok(Outcome { scores, distance, curve, policy, played })
 }
 
 fn steps_of(played: &[Trajectory]) -> u64 {

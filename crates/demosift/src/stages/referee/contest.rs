@@ -148,7 +148,7 @@ impl Contest {
 
     /// What it all says; `unit` is that of the heuristic.
     pub fn decide(self, unit: &str) -> Verdict {
-        decide(self.candidates, self.pairs, unit)
+        Verdict { asked: Some(self.refereeing), ..decide(self.candidates, self.pairs, unit) }
     }
 }
 

@@ -25,7 +25,7 @@ const TAIL: f64 = 0.025;
 /// use demosift::stages::referee::{Conclusion, NamedSubset, Trained, Training, candidates, decide};
 ///
 /// let ids: Vec<DemoId> = (0..6).map(DemoId).collect();
-/// let kept = [NamedSubset { name: "kept".to_owned(), demos: vec![DemoId(1), DemoId(3)] }];
+/// let kept = [NamedSubset::new("kept", &[DemoId(1), DemoId(3)])];
 /// let candidates = candidates(&ids, &kept)?; // the kept, the whole set, random subsets of two
 ///
 /// let trained = |candidate, scores: [f64; 5]| {
@@ -61,6 +61,7 @@ pub fn decide(candidates: Vec<Candidate>, trained: Vec<Trained>, unit: &str) -> 
         best_training: winner.map(|winner| best_training(&trained[winner])),
         compared,
         level: LEVEL,
+        asked: None,
         pairs: pairs(&field, &trained),
         candidates,
     };

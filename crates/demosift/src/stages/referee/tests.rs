@@ -25,7 +25,7 @@ fn ids(count: usize) -> Vec<DemoId> {
 }
 
 fn named(name: &str, demos: &[usize]) -> NamedSubset {
-    NamedSubset { name: name.to_owned(), demos: demos.iter().copied().map(DemoId).collect() }
+    NamedSubset::new(name, &demos.iter().copied().map(DemoId).collect::<Vec<_>>())
 }
 
 fn field(kept: &[NamedSubset]) -> Vec<Candidate> {

@@ -6,9 +6,10 @@ use std::path::Path;
 use serde::Deserialize;
 use serde_json::Value;
 
+use super::videos::{self, Videos};
 use super::{Info, read_info};
 use crate::basics::error::Result;
-use crate::data::demonstration::episode::Source;
+use crate::data::demonstration::episode::{Format, Source};
 use crate::data::demonstration::parquet_table::{self, Table};
 
 /// What stands beside the steps.
@@ -24,6 +25,8 @@ pub struct Described {
     pub action_names: Option<Value>,
     /// The sentence of each episode; of fewer sentences the last counts for the rest.
     pub tasks: Vec<String>,
+    /// The videos of the episodes, in their order.
+    pub videos: Videos,
 }
 
 /// What a data set says of the episodes of `source`; the rate is 0 and tasks are none where it does not say.
@@ -32,6 +35,9 @@ pub struct Described {
 /// `is_bad_input` if its description is damaged; `is_io` if it may not be read.
 pub fn description(path: &Path, source: &Source) -> Result<Described> {
     let Info { fps, robot_type, features, .. } = read_info(path)?;
+    let numbered =
+        source.episodes.iter().filter_map(|one| Some((one.label.parse().ok()?, one.actions.len())));
+    let videos = videos::find(path, source.format == Format::LeRobotV3, &numbered.collect::<Vec<_>>());
     let names = |columns: &[String], width: usize| {
         let [column] = columns else { return None };
         // Other tools name what is not there.
@@ -52,6 +58,7 @@ pub fn description(path: &Path, source: &Source) -> Result<Described> {
         observation_names: names(&source.columns.observations, sizes.0),
         action_names: names(&source.columns.actions, sizes.1),
         tasks: tasks.unwrap_or_default(),
+        videos,
     })
 }
 

@@ -7,6 +7,7 @@ use serde_json::{Map, Value, json};
 use super::INFO;
 use super::description::Described;
 use super::states::{QPOS, QVEL};
+use super::videos::{Camera, Shot, Videos};
 use crate::basics::error::{Error, Result};
 use crate::basics::files;
 use crate::data::demonstration::episode::Episode;
@@ -32,9 +33,10 @@ struct Feature {
 ///
 /// Episodes are numbered from 0 in their order; `states` become the columns `simulator.qpos` and `simulator.qvel`.
 /// A final observation has no row and is left out.
+/// Files of videos are copied as they are.
 ///
 /// # Errors
-/// `is_bad_input` if the folder exists, there is no episode, or the states do not fit the episodes; `is_io` if a file cannot
+/// `is_bad_input` if the folder exists, there is no episode, a video is not of as many episodes, or the states do not fit the episodes; `is_io` if a file cannot
 /// be written.
 pub fn write(
     path: &Path,
@@ -47,19 +49,29 @@ pub fn write(
         return Err(Error::bad_input("no step of an episode to write; at least 1 is needed"));
     }
     let features = features(episodes, states)?;
+    for camera in &described.videos.cameras {
+        if camera.shots.len() != episodes.len() {
+            return Err(Error::bad_input(format!(
+                "there are {} videos of {}; wanted one of each of the {} episodes",
+                camera.shots.len(),
+                camera.name,
+                episodes.len()
+            )));
+        }
+    }
     let tasks = Tasks::of(&described.tasks, episodes.len());
     let indices = Indices::of(&lengths, described.steps_per_sec, &tasks);
     let description = format!("{:#}\n", describe(&features, &lengths, described, tasks.all.len()));
-    let statistics = format!("{:#}\n", statistics(&features, &indices));
+    let statistics = format!("{:#}\n", statistics(&features, &indices, &described.videos));
     let steps = steps_table(&features, indices)?;
     let contents: [(&str, Vec<u8>); 5] = [
         ("data/chunk-000/file-000.parquet", steps),
-        ("meta/episodes/chunk-000/file-000.parquet", episodes_table(&lengths, &tasks)?),
+        ("meta/episodes/chunk-000/file-000.parquet", episodes_table(&lengths, &tasks, &described.videos)?),
         ("meta/tasks.parquet", tasks_table(&tasks)?),
         ("meta/stats.json", statistics.into_bytes()),
         (INFO, description.into_bytes()),
     ];
-    files::write_folder(path, &contents)
+    files::write_folder_with(path, &contents, &described.videos.files())
 }
 
 /// The columns of the recording, checked against each other.
@@ -198,7 +210,7 @@ fn steps_table(features: &[Feature], indices: Indices) -> Result<Vec<u8>> {
     encode(&columns, Vec::new())
 }
 
-fn episodes_table(lengths: &[usize], tasks: &Tasks) -> Result<Vec<u8>> {
+fn episodes_table(lengths: &[usize], tasks: &Tasks, videos: &Videos) -> Result<Vec<u8>> {
     let count = lengths.len();
     let ends: Vec<i64> = lengths
         .iter()
@@ -210,7 +222,7 @@ fn episodes_table(lengths: &[usize], tasks: &Tasks) -> Result<Vec<u8>> {
     let lengths: Vec<i64> = lengths.iter().map(|&len| len as i64).collect();
     let starts = ends.iter().zip(&lengths).map(|(end, len)| end - len).collect();
     let zeros = || Values::Integers(vec![0; count]);
-    let columns = [
+    let mut columns = vec![
         ("episode_index", Values::Integers((0..count as i64).collect())),
         ("tasks", Values::WordLists(tasks.of_episode.iter().map(|&task| tasks.all[task].clone()).collect())),
         ("length", Values::Integers(lengths)),
@@ -221,7 +233,22 @@ fn episodes_table(lengths: &[usize], tasks: &Tasks) -> Result<Vec<u8>> {
         ("meta/episodes/chunk_index", zeros()),
         ("meta/episodes/file_index", zeros()),
     ];
+    let of_videos = videos.cameras.iter().flat_map(of_video).collect::<Vec<_>>();
+    columns.extend(of_videos.iter().map(|(name, values)| (name.as_str(), values.clone())));
     encode(&columns, Vec::new())
+}
+
+/// Where a camera's video of each episode is.
+fn of_video(camera: &Camera) -> [(String, Values); 4] {
+    let integers = |number: fn(&Shot) -> i64| Values::Integers(camera.shots.iter().map(number).collect());
+    let seconds = |number: fn(&Shot) -> f64| Values::Doubles(camera.shots.iter().map(number).collect());
+    let column = |what: &str| format!("videos/{}/{what}", camera.name);
+    [
+        (column("chunk_index"), integers(|shot| shot.chunk)),
+        (column("file_index"), integers(|shot| shot.number)),
+        (column("from_timestamp"), seconds(|shot| shot.from_secs)),
+        (column("to_timestamp"), seconds(|shot| shot.to_secs)),
+    ]
 }
 
 /// LeRobot reads this table with pandas, and looks the task up by the name of its row.
@@ -271,6 +298,10 @@ fn describe(features: &[Feature], lengths: &[usize], of: &Described, tasks: usiz
     ] {
         described.insert(name.to_owned(), json!({ "dtype": element, "shape": [1], "names": null }));
     }
+    for camera in &of.videos.cameras {
+        described.insert(camera.name.clone(), camera.feature.clone());
+    }
+    let has_videos = !of.videos.cameras.is_empty();
     json!({
         "codebase_version": "v3.0",
         "robot_type": of.robot_type,
@@ -283,19 +314,22 @@ fn describe(features: &[Feature], lengths: &[usize], of: &Described, tasks: usiz
         "fps": of.steps_per_sec,
         "splits": { "train": format!("0:{}", lengths.len()) },
         "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
-        "video_path": null,
+        "video_path": has_videos.then_some("videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"),
         "features": described,
     })
 }
 
-/// Spread of every column over all steps, by which LeRobot normalizes.
-fn statistics(features: &[Feature], indices: &Indices) -> Value {
+/// Spread of every column over all steps, by which LeRobot normalizes; of videos that of the source, as nobody looks into them.
+fn statistics(features: &[Feature], indices: &Indices, videos: &Videos) -> Value {
     let mut all = Map::new();
     for feature in features {
         all.insert(feature.name.to_owned(), spread(&feature.values, feature.width));
     }
     for (name, values) in indices.columns() {
         all.insert(name.to_owned(), spread(&values, 1));
+    }
+    for camera in &videos.cameras {
+        all.extend(camera.statistics.clone().map(|statistics| (camera.name.clone(), statistics)));
     }
     Value::Object(all)
 }

@@ -1,0 +1,77 @@
+//! What is kept, and under which names it is stored: a run may be asked again with another `keep`, and what was trained on
+//! before stays.
+
+use super::{Config, Run, Selection, kept};
+use crate::basics::error::Result;
+use crate::data::demonstration::DemoId;
+use crate::results::panel::{Judge, Panel};
+use crate::stages::referee::{KEPT, NamedSubset};
+use crate::stages::select::Keep;
+
+/// K of the top K that is to be kept, as far as it is known before judging.
+pub(crate) fn cut(run: &Run<'_>) -> usize {
+    run.config.keep.count_before_judging(run.set.len())
+}
+
+/// The same as it was while judging, which gave further repeats to those near it.
+pub(super) fn cut_of_judging(run: &Run<'_>) -> usize {
+    run.config.judged_for.unwrap_or(run.config.keep).count_before_judging(run.set.len())
+}
+
+/// What stands at the end of names in files that depend on what is kept; nothing where that was never asked for differently.
+fn ending(config: &Config) -> String {
+    config.judged_for.map_or_else(String::new, |_| format!("_keep_{}", config.keep))
+}
+
+/// Under which name the policy is stored that one training made of the kept demonstrations: `subset`, and such as
+/// `subset_keep_5` where another number was asked for after judging.
+pub fn kept_part(config: &Config) -> String {
+    format!("subset{}", ending(config))
+}
+
+/// The name of what the selection by weights kept.
+const BY_WEIGHTS: &str = "kept by weights";
+/// The name of what `--keep auto` would keep.
+const SURELY_HELPS: &str = "surely helping";
+
+/// What final policies could be trained on: what each judge keeps, and what by the one that decides surely helps.
+pub fn worth_training_on(run: &Run<'_>, panel: &Panel, selection: &Selection) -> Result<Vec<NamedSubset>> {
+    let mut by_others = Vec::new();
+    for opinion in panel.others().filter(|_| run.config.keep != Keep::Weights) {
+        let demos = kept(run, opinion)?.demos;
+        let name = format!("{KEPT} by {}", as_keeper(opinion.judge));
+        by_others.push(NamedSubset::new(&name, &demos).ending_in(&ending(run.config)));
+    }
+    by_others.retain(|other| !is_same(&other.demos, &selection.subset.demos));
+    let name = match (run.config.keep, panel.opinions.len(), by_others.len()) {
+        (Keep::Weights, ..) => BY_WEIGHTS.to_owned(),
+        (_, 1, _) => KEPT.to_owned(),
+        (_, _, 0) => format!("{KEPT} by both"),
+        _ => format!("{KEPT} by {}", as_keeper(panel.decides)),
+    };
+    let kept = NamedSubset::new(&name, &selection.subset.demos);
+    let mut subsets = vec![match run.config.keep {
+        // What has its weights is the same whatever was asked for before.
+        Keep::Weights => kept,
+        _ => kept.ending_in(&ending(run.config)),
+    }];
+    subsets.extend(by_others);
+    let surely = panel.deciding().uncertainty.surely_helpful();
+    if !surely.is_empty() && !subsets.iter().any(|known| is_same(&known.demos, &surely)) {
+        subsets.push(NamedSubset::new(SURELY_HELPS, &surely));
+    }
+    Ok(subsets)
+}
+
+/// A judge in the name of what it keeps.
+fn as_keeper(judge: Judge) -> &'static str {
+    match judge {
+        Judge::Cloning => "cloning",
+        Judge::Paper => "the paper's judge",
+    }
+}
+
+/// Whether both hold the same demonstrations, in whatever order.
+fn is_same(one: &[DemoId], other: &[DemoId]) -> bool {
+    one.len() == other.len() && one.iter().all(|demo| other.contains(demo))
+}
