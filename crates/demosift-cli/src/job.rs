@@ -20,6 +20,7 @@ use toml::Table;
 use crate::arguments::{JobArguments, PresetName, RunArguments};
 use crate::configuration::{self, Layer};
 use crate::demonstrations::{self, Demonstrations};
+use crate::fit;
 use crate::interruption;
 use crate::metrics_file::MetricsFile;
 use crate::own_heuristic::{self, Beside};
@@ -65,11 +66,15 @@ impl Job {
         use_threads(arguments.run.threads)?;
         let plan = Request::of(&arguments.run, arguments.variant.as_deref(), arguments.preset)?;
         let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
-        let demonstrations =
-            demonstrations::open(arguments.demonstrations.as_deref(), &arguments.source, recorded)?;
+        let demonstrations = demonstrations::open(
+            arguments.demonstrations.as_deref(),
+            &arguments.source,
+            recorded,
+            Some(&plan.chosen),
+        )?;
         let data = demonstrations.data()?;
         let left_out = choice::in_words(&demonstrations.source.left_out);
-        let Demonstrations { set, path, .. } = demonstrations;
+        let Demonstrations { set, path, source, said, .. } = demonstrations;
         let mut values = plan.values.clone();
         if let Some(keep) = arguments.keep {
             if let Some(wanted) = keep.misfit(set.len()) {
@@ -95,6 +100,10 @@ impl Job {
         experiment::check(&set, plan.chosen.task.specification(), &config)
             .map_err(|error| if error.is_bad_input() { error.at(&path) } else { error })?;
         check(&set, &config)?;
+        // What was begun was found to fit.
+        if plan.begun.is_none() {
+            fit::check(&plan.chosen, &source, &said, &path)?;
+        }
         let asks_for_it = config.judges.each().contains(&Judge::Paper) || config.keep == Keep::Weights;
         if prior == Prior::Needed && asks_for_it && !plan.holds_prior()? {
             experiment::check_budget(&set, &Playground::new(plan.chosen.task.as_ref()), &config)?;

@@ -7,6 +7,7 @@ mod configuration;
 mod demonstrations;
 mod event_file;
 mod examples;
+mod fit;
 mod interruption;
 mod job;
 mod metrics_file;

@@ -8,6 +8,7 @@ use demosift::basics::files;
 use demosift::basics::ledger::Ledger;
 use demosift::data::demonstration::choice::Choice;
 use demosift::data::demonstration::episode::{Columns, Format};
+use demosift::data::demonstration::set_file::SetFile;
 use demosift::results::artifact::FORMAT_VERSION;
 use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -61,6 +62,9 @@ pub(crate) struct Data {
     /// Which episodes of them were taken.
     #[serde(default, skip_serializing_if = "Choice::is_all")]
     pub(crate) choice: Choice,
+    /// What the user says of their numbers.
+    #[serde(default, skip_serializing_if = "SetFile::is_none")]
+    pub(crate) set_file: SetFile,
 }
 
 /// What a folder tells of the run that it holds.
@@ -265,6 +269,10 @@ fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Resu
     };
     let choice =
         |identity: &Identity| identity.data.as_ref().map_or_else(String::new, |data| data.choice.to_string());
+    let set_file = |identity: &Identity| {
+        let lines = identity.data.as_ref().map_or_else(String::new, |data| data.set_file.to_string());
+        if lines.is_empty() { "nothing".to_owned() } else { lines.trim_end().replace('\n', "; ") }
+    };
     let text = |value: Option<String>| value.unwrap_or_else(|| "none".to_owned());
     let variant = |identity: &Identity| identity.variant.clone().unwrap_or_else(|| "all of them".to_owned());
     let pairs = [
@@ -273,6 +281,7 @@ fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Resu
         // Before the hash, which may depend on them.
         ("the columns of the demonstrations", columns(old), columns(identity)),
         ("the choice of episodes", choice(old), choice(identity)),
+        ("what set.toml says of the demonstrations", set_file(old), set_file(identity)),
         ("the SHA-256 of the demonstrations", text(sha256(old)), text(sha256(identity))),
     ];
     let differs = pairs.into_iter().find(|(_, old, new)| old != new);

@@ -8,18 +8,25 @@
 mod columns;
 mod comparison;
 mod dynamics;
+mod fit;
 mod known;
 mod lengths;
+mod mending;
+mod naming;
+mod needed;
 mod play;
+mod reach;
 mod recorded;
 mod seen;
 
+use demosift::data::demonstration::set_file::SetFile;
 use serde::Serialize;
 
 pub use comparison::{Compared, Recorded, StatesFrom};
 pub use dynamics::{Drift, percent_missed};
+pub use fit::{Presented, fit};
 pub use play::{Range, Tried, play};
-pub use recorded::compare;
+pub use recorded::{compare, compare_presented};
 pub use seen::{Actuator, Measured, Part, Seen, look};
 
 /// How bad a finding is.
@@ -43,19 +50,27 @@ pub struct Finding {
     pub message: String,
     /// What to do about it; `None` where nothing is to be done.
     pub advice: Option<String>,
+    /// Lines of the set's `set.toml` that would mend it, where such do.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lines: Option<String>,
 }
 
 impl Finding {
     fn error(message: impl Into<String>, advice: impl Into<String>) -> Self {
-        Self { severity: Severity::Error, message: message.into(), advice: Some(advice.into()) }
+        Self { severity: Severity::Error, message: message.into(), advice: Some(advice.into()), lines: None }
     }
 
     fn warning(message: impl Into<String>, advice: impl Into<String>) -> Self {
-        Self { severity: Severity::Warning, message: message.into(), advice: Some(advice.into()) }
+        Self { severity: Severity::Warning, message: message.into(), advice: Some(advice.into()), lines: None }
+    }
+
+    /// The same with what the set's `set.toml` would have to say.
+    fn mended_by(self, file: Option<SetFile>) -> Self {
+        Self { lines: file.map(|file| file.to_string()), ..self }
     }
 
     fn fine(message: impl Into<String>) -> Self {
-        Self { severity: Severity::Fine, message: message.into(), advice: None }
+        Self { severity: Severity::Fine, message: message.into(), advice: None, lines: None }
     }
 }
 
