@@ -147,11 +147,8 @@ fn assert_mended(task: &MujocoTask, recorded: &[Demonstration], states: Option<&
     assert!(!errors(&long).is_empty(), "{long:#?}");
     let file = proposed(&long);
     assert_eq!(file.to_string(), lines, "{long:#?}");
-    // Where states are recorded, observations are held against them by the long check alone.
-    if states.is_none() || file.observations.is_none() {
-        assert!(!errors(&short).is_empty(), "{short:#?}");
-        assert_eq!(proposed(&short).to_string(), lines, "{short:#?}");
-    }
+    assert!(!errors(&short).is_empty(), "{short:#?}");
+    assert_eq!(proposed(&short).to_string(), lines, "{short:#?}");
     let set = read(task, recorded, &file);
     let mended = Presented { set: &set, set_file: file, ..plain };
     let (_, long) = check::compare_presented(task, &mended).unwrap();
@@ -187,7 +184,7 @@ fn signs_orders_and_units_of_actions_are_found_and_mended() {
         (&motors, |row| vec![row[1], row[0]], "actions.order = [1, 0]\n"),
         (&motors, |row| vec![row[1], -row[0]], "actions.order = [1, 0]\nactions.sign = [-1, 1]\n"),
         (&motors, |row| vec![0.5 * row[0], 0.5 * row[1]], "actions.scale = 2\n"),
-        (&motors, |row| vec![0.3 * row[0] + 0.1, row[1]], "actions.scale = [3.333, 1]\nactions.offset = [-0.333, 0]\n"),
+        (&motors, |row| vec![0.3 * row[0] + 0.1, row[1]], "actions.scale = [3.333, 1]\nactions.offset = [-0.3333, 0]\n"),
         (&motors, |row| row.iter().map(|number| 100.0 * number).collect(), "actions.units = \"percent\"\n"),
         (&servos, |row| vec![2.8 * row[0], 0.25 + 2.25 * row[1]], "actions.units = \"controls\"\n"),
         (
@@ -204,9 +201,7 @@ fn signs_orders_and_units_of_actions_are_found_and_mended() {
         let set = record(task);
         let recorded = changed(&set, same, act);
         for states in [Some(&set.states[..]), None] {
-            let before = std::time::Instant::now();
             assert_mended(task, &recorded, states, lines);
-            eprintln!("{lines:?} {:?}", before.elapsed());
         }
     }
 }
@@ -265,16 +260,16 @@ fn what_no_joint_and_no_actuator_can_reach_is_found_without_the_physics() {
     let degrees = changed(
         &set,
         |row| row.iter().map(|number| number.to_degrees()).collect(),
-        |row| vec![(2.8 * row[0]).to_degrees(), (0.25 + 2.25 * row[1]).to_degrees()],
+        |row| vec![(2.2 * row[0]).to_degrees(), (0.25 + 1.8 * row[1]).to_degrees()],
     );
     let findings = fit(&degrees, &nothing);
     let messages: Vec<&str> = errors(&findings).iter().map(|finding| finding.message.as_str()).collect();
     assert!(messages[0].contains("lie far outside the range of 2 joints: shoulder, elbow"), "{messages:?}");
-    assert!(messages[1].contains("of the numbers of actions are outside [-1, 1], up to 192"), "{messages:?}");
+    assert!(messages[1].contains("of the numbers of actions are outside [-1, 1], up to 15"), "{messages:?}");
     let file = proposed(&findings);
     assert_eq!(file.to_string(), "actions.units = \"degrees\"\nobservations.units = \"degrees\"\n");
     assert!(errors(&fit(&degrees, &file)).is_empty());
-    let radians = changed(&set, same, |row| vec![2.8 * row[0], 0.25 + 2.25 * row[1]]);
+    let radians = changed(&set, same, |row| vec![2.2 * row[0], 0.25 + 1.8 * row[1]]);
     let findings = fit(&radians, &nothing);
     assert_eq!(proposed(&findings).to_string(), "actions.units = \"controls\"\n", "{findings:#?}");
     // Whoever says that they are right is believed.

@@ -43,13 +43,13 @@ pub(super) struct Episode<'a> {
 
 /// Holds recorded observations, `[T, obs]`, against what the task observes in the recorded states.
 ///
-/// Of a large set only the first steps are looked at, as every column is held in memory several times.
+/// Of a large set only the first steps are looked at, `most` together, as every column is held in memory several times.
 /// Contact wrenches are left out: they are of the physics step before the state, which no recording holds.
 ///
 /// # Errors
 /// `is_bad_input` if the states are not of the task's model.
-pub(super) fn compare(task: &MujocoTask, episodes: &[Episode<'_>]) -> Result<Vec<Finding>> {
-    let each = looked_at(episodes.iter().map(|episode| episode.observations.len()));
+pub(super) fn compare(task: &MujocoTask, episodes: &[Episode<'_>], most: usize) -> Result<Finding> {
+    let each = looked_at(episodes.iter().map(|episode| episode.observations.len()), most);
     let recorded = columns_of(episodes, each, |episode| episode.observations);
     let made = make(task, episodes, each)?;
     let fits = recorded.len() == made.observed.len();
@@ -65,17 +65,17 @@ pub(super) fn compare(task: &MujocoTask, episodes: &[Episode<'_>]) -> Result<Vec
         let unknown = made.observed.len() - known;
         let rest =
             if unknown == 0 { String::new() } else { format!(" (but for {unknown} of contact wrenches)") };
-        return Ok(vec![Finding::fine(format!(
+        return Ok(Finding::fine(format!(
             "the recorded observations are what the task observes in the recorded states, number by number{rest}{}",
             in_first(each)
-        ))]);
+        )));
     }
     let all: Vec<usize> = (0..recorded.len()).collect();
     let asked = if fits { &wrong } else { &all };
     let mend = mend(task, &columns_of(episodes, each, |episode| episode.recorded), &made);
     let mut finding = explain(&recorded, &made, Asked { columns: asked, fits, mended: mend.is_some() });
     finding.message += &in_first(each);
-    Ok(vec![finding.mended_by(mend)])
+    Ok(finding.mended_by(mend))
 }
 
 /// Which columns are wrong, and what is known of the set.

@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::known::{Known, Numbers};
 use super::mending::Explained;
-use super::{Finding, in_first, looked_at};
+use super::{Finding, LOOKED_AT, in_first, looked_at};
 use crate::environment::MujocoEnvironment;
 
 /// Positions of a replay may differ by this much, rad or m, before it counts as having left the recording.
@@ -139,7 +139,7 @@ pub(super) fn misses(
 }
 
 fn first_steps(episodes: &[Episode<'_>]) -> Option<usize> {
-    looked_at(episodes.iter().map(|episode| episode.actions.len()))
+    looked_at(episodes.iter().map(|episode| episode.actions.len()), LOOKED_AT)
 }
 
 /// Positions that stand still while velocities do not, or the other way round: one of the two was not recorded.

@@ -13,7 +13,7 @@ use demosift::data::trajectory::StateLog;
 use demosift::world::environment::Specification;
 
 use super::mending::{self, Explained};
-use super::{Finding, dynamics, first_few, reach, several};
+use super::{Finding, Severity, columns, dynamics, first_few, reach, several};
 use crate::mujoco_task::MujocoTask;
 use crate::replay;
 
@@ -22,6 +22,8 @@ use crate::replay;
 const MOSTLY: f64 = 0.5;
 /// The same of the middle of one number alone: no noise is as large.
 const LARGE: f64 = 5.0;
+/// Steps of which observations are held against recorded states.
+const OBSERVED: usize = 2000;
 /// Rates that differ by at most this share are the same: LeRobot keeps whole numbers.
 const SAME_RATE: f64 = 0.03;
 /// Bounds that differ by less are the same.
@@ -58,6 +60,8 @@ pub(super) struct Physics {
     pub(super) missed: Option<f64>,
     /// What explains it, if something does.
     pub(super) explained: Option<Explained>,
+    /// Whether a finding says already what the observations are.
+    pub(super) are_observations_explained: bool,
 }
 
 impl Physics {
@@ -88,9 +92,43 @@ pub fn fit(
         Some(task) => physics(task, presented)?,
         None => Physics::default(),
     };
-    let mut findings = beside(specification, mujoco, presented, &physics);
+    let mut physics = physics;
+    let seen = match (mujoco, presented.states) {
+        (Some(task), Some(states)) if physics.missed.is_some() => observations(task, presented, states)?,
+        _ => None,
+    };
+    physics.are_observations_explained = seen.as_ref().is_some_and(|finding| finding.lines.is_some())
+        || physics.mend().is_some_and(|mend| !mend.observations.is_none());
+    let mut findings: Vec<Finding> = seen.into_iter().collect();
+    findings.extend(beside(specification, mujoco, presented, &physics));
     findings.extend(steps(&physics, presented));
     Ok(findings)
+}
+
+/// Whether some recorded observations are what the task observes in the recorded states. Where nothing mends them, another body
+/// may have been recorded, which does not stop anybody.
+fn observations(
+    task: &MujocoTask,
+    presented: &Presented<'_>,
+    states: &[StateLog],
+) -> Result<Option<Finding>> {
+    let finding = columns::compare(task, &observed(presented, states), OBSERVED)?;
+    Ok(match finding.severity {
+        Severity::Fine => None,
+        _ if finding.lines.is_some() => Some(finding),
+        _ => Some(Finding { severity: Severity::Warning, ..finding }),
+    })
+}
+
+/// The episodes of a set with their states.
+pub(super) fn observed<'a>(presented: &Presented<'a>, states: &'a [StateLog]) -> Vec<columns::Episode<'a>> {
+    let each = presented.set.iter().zip(presented.recorded).zip(states);
+    each.map(|((one, recorded), states)| columns::Episode {
+        observations: one.observations(),
+        recorded: recorded.observations(),
+        states,
+    })
+    .collect()
 }
 
 /// All but what is said of the physics itself.
@@ -103,8 +141,7 @@ pub(super) fn beside(
     let mut findings = of_time(specification, mujoco, presented, physics);
     findings.extend(bounds(specification, presented, physics));
     if let Some(task) = mujoco {
-        let explained = physics.mend().is_some_and(|mend| !mend.observations.is_none());
-        findings.extend(reach::positions(task, presented, explained));
+        findings.extend(reach::positions(task, presented, physics.are_observations_explained));
     }
     findings.push(actions(specification, presented, physics));
     findings
@@ -129,7 +166,7 @@ fn physics(task: &MujocoTask, presented: &Presented<'_>) -> Result<Physics> {
             |explained| Ok(Some(explained)),
         )?,
     };
-    Ok(Physics { missed, explained })
+    Ok(Physics { missed, explained, ..Physics::default() })
 }
 
 /// The rate of a set and its clock.

@@ -26,6 +26,8 @@ const TRIED: usize = 100;
 const TRIED_FIRST: usize = 16;
 /// Parts of an observation that are tried in every order.
 const MOST_PARTS: usize = 4;
+/// What a less simple explanation may leave of what the one before it leaves.
+const CLEARLY: f64 = 0.5;
 /// Joints of which each pair is tried exchanged.
 const MOST_JOINTS: usize = 8;
 
@@ -86,6 +88,10 @@ pub(super) fn explain(
     };
     let mut best: Option<Explained> = None;
     for candidate in candidates {
+        // What is said first is simpler.
+        if best.as_ref().is_some_and(|best| dynamics::is_same_physics(best.missed)) {
+            break;
+        }
         if !leads_somewhere(&mut environment, task, &few, &candidate)? {
             continue;
         }
@@ -93,8 +99,9 @@ pub(super) fn explain(
             let Some(missed) = missed(&mut environment, task, &many, &mend)? else { continue };
             let is_named = mend.actions.scale.is_none() && mend.actions.offset.is_none();
             let is_enough = dynamics::is_same_physics(missed) || is_named && dynamics::is_same_body(missed);
-            // What is said first is simpler, so the next must be clearly better.
-            let is_better = best.as_ref().is_none_or(|best| missed < 0.5 * best.missed && !dynamics::is_same_physics(best.missed));
+            let is_better = best.as_ref().is_none_or(|best| {
+                missed < CLEARLY * best.missed && !dynamics::is_same_physics(best.missed)
+            });
             if is_enough && is_better && !mend.is_none() {
                 best = Some(Explained { words: in_words(&mend), missed, mend: Some(mend) });
             }

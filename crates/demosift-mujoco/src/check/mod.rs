@@ -82,10 +82,11 @@ pub fn count(findings: &[Finding], severity: Severity) -> usize {
 /// Steps of a set that are looked at one by one: a recording that is wrong is so from its beginning.
 const LOOKED_AT: usize = 20_000;
 
-/// How many steps of each demonstration are looked at, evenly over all; `None` if all of them are.
-fn looked_at(lengths: impl ExactSizeIterator<Item = usize>) -> Option<usize> {
+/// How many steps of each demonstration are looked at, evenly over all, so that they are `most` together; `None` if all of them
+/// are.
+fn looked_at(lengths: impl ExactSizeIterator<Item = usize>, most: usize) -> Option<usize> {
     let count = lengths.len();
-    (lengths.sum::<usize>() > LOOKED_AT).then(|| (LOOKED_AT / count).max(1))
+    (lengths.sum::<usize>() > most).then(|| (most / count).max(1))
 }
 
 /// What a finding says of that, such as ` (of the first 2 steps of each demonstration)`.

@@ -113,7 +113,7 @@ fn short(number: f64) -> f64 {
         format!("{:e}", rounded / digits).parse::<f64>().unwrap_or(rounded / digits) * magnitude
     };
     let (coarse, fine) = (to(10.0), to(DIGITS));
-    let near = (coarse - number).abs() <= 0.002 * number.abs();
+    let near = (coarse - number).abs() <= 0.005 * number.abs();
     let chosen = if near { coarse } else { fine };
     format!("{chosen:.9}").parse().unwrap_or(chosen)
 }

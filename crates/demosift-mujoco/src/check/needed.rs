@@ -21,6 +21,8 @@ const FREE: f64 = 0.98;
 const FEWEST: usize = 8;
 /// The share of the variance of a needed number that a recorded one must tell.
 const TOLD: f64 = 0.98;
+/// A point that is farther off a line than so many times the middle one is left out.
+const FAR_OFF: f64 = 3.0;
 /// Ridge beside the mean diagonal of the normal equations: an actuator without effect gets no action.
 const RIDGE: f64 = 1e-9;
 
@@ -166,7 +168,7 @@ pub(super) fn lines(found: &[Needed]) -> Vec<Option<Line>> {
         let through = |from: usize| {
             let free = found.iter().filter(|one| one.action[at].abs() < FREE);
             let points = free.map(|one| (f64::from(one.recorded[from]), one.action[at])).collect::<Vec<_>>();
-            Some((from, straight(&points)?)).filter(|(_, line)| line.told >= TOLD)
+            Some((from, robust(points)?)).filter(|(_, line)| line.told >= TOLD)
         };
         // Its own place goes before any other that tells as much.
         let own = (at < columns).then(|| through(at)).flatten();
@@ -178,6 +180,17 @@ pub(super) fn lines(found: &[Needed]) -> Vec<Option<Line>> {
     (0..first.action.len())
         .map(|at| best(at).map(|(from, line)| Line { from, factor: line.factor, shift: line.shift }))
         .collect()
+}
+
+/// The line of least squares without the points that lie off it by far: steps with contacts need other actions.
+fn robust(points: Vec<(f64, f64)>) -> Option<Straight> {
+    let first = straight(&points)?;
+    let off = |(x, y): &(f64, f64)| (y - first.factor * x - first.shift).abs();
+    let mut distances: Vec<f64> = points.iter().map(off).collect();
+    distances.sort_by(f64::total_cmp);
+    let usual = distances[distances.len() / 2];
+    let near: Vec<(f64, f64)> = points.iter().copied().filter(|point| off(point) <= FAR_OFF * usual).collect();
+    straight(&near).or(Some(first))
 }
 
 /// A line through points, and the share of the variance that it tells.

@@ -10,7 +10,7 @@ use super::comparison::{Compared, Recorded, StatesFrom};
 use super::known::{self, Known};
 use super::mending::Explained;
 use super::fit::{self, Physics, Presented};
-use super::{Finding, Severity, columns, dynamics, lengths, mending, several};
+use super::{Finding, LOOKED_AT, Severity, columns, dynamics, lengths, mending, several};
 use crate::mujoco_task::MujocoTask;
 use crate::replay;
 
@@ -89,7 +89,8 @@ pub fn compare_presented(
             findings.extend(sizes(task, set, true));
             findings.extend(more);
             let missed = recorded.demonstrations.iter().map(|one| one.typically_missed);
-            physics = Physics { missed: missed.collect::<Option<Vec<_>>>().and_then(largest), explained };
+            let missed = missed.collect::<Option<Vec<_>>>().and_then(largest);
+            physics = Physics { missed, explained, ..Physics::default() };
         }
         Err(error) => {
             findings.extend(lengths::unexplained(task, &recorded));
@@ -100,6 +101,8 @@ pub fn compare_presented(
             ));
         }
     }
+    physics.are_observations_explained =
+        findings.iter().any(|one| one.lines.as_ref().is_some_and(|lines| lines.contains("observations.")));
     findings.extend(beside(task, presented, &physics));
     Ok((recorded, findings))
 }
@@ -214,17 +217,7 @@ fn replay_all(
             .map_err(|error| error.during(&format!("demonstration {id}")))?;
     }
     if recorded.states == StatesFrom::Recording {
-        let episodes: Vec<columns::Episode<'_>> = set
-            .iter()
-            .zip(presented.recorded)
-            .zip(states)
-            .map(|((one, recorded), states)| columns::Episode {
-                observations: one.observations(),
-                recorded: recorded.observations(),
-                states,
-            })
-            .collect();
-        findings.extend(columns::compare(task, &episodes)?);
+        findings.push(columns::compare(task, &fit::observed(presented, states), LOOKED_AT)?);
     } else {
         findings.push(known.found(states));
     }
