@@ -41,19 +41,14 @@ impl Demonstrations {
     /// What a run depends on.
     pub(crate) fn data(&self) -> Result<Data> {
         let format = self.source.format;
-        let (as_stored, set_file) = (open::sha256(&self.source, &self.path)?, &self.said.set_file);
         Ok(Data {
-            sha256: if set_file.is_none() {
-                as_stored
-            } else {
-                files::sha256_of(format!("{as_stored}\n{set_file}").as_bytes())
-            },
+            sha256: sha256(&self.source, &self.path, &self.said)?,
             path: std::fs::canonicalize(&self.path)
                 .map_err(|error| Error::io("cannot find", &self.path, &error))?,
             format: Some(format),
             columns: self.source.columns.clone(),
             choice: self.choice.clone(),
-            set_file: set_file.clone(),
+            set_file: self.said.set_file.clone(),
         })
     }
 }
@@ -90,31 +85,46 @@ impl Opened {
     /// # Errors
     /// If what is said does not fit the set or the task.
     pub(crate) fn read_for(&mut self, task: Option<&Chosen>) -> Result<()> {
-        let Said { set_file, path, .. } = &self.said;
-        if set_file.is_none() {
-            return Ok(());
-        }
-        let wide = |rows: fn(&Episode) -> usize| {
-            self.source.episodes.iter().map(rows).find(|width| *width > 0).unwrap_or(0)
-        };
-        let (observed, acted) = (wide(|one| one.observations.width()), wide(|one| one.actions.width()));
-        let observations = task.and_then(|task| task.mujoco.as_ref()).map(MujocoTask::observation_ranges);
-        let ranges = Ranges {
-            controls: task.map_or(&[], |task| &task.task.specification().control_ranges),
-            observations: observations.as_deref().unwrap_or_default(),
-        };
-        let conversion = set_file.conversion(observed, acted, ranges);
-        self.source.conversion = conversion.map_err(|error| match path {
-            Some(path) => error.at(path),
-            None => error,
-        })?;
-        let of = path.as_ref().map_or_else(|| "the run".to_owned(), |path| path.display().to_string());
-        terminal::note(&format!(
-            "the numbers of the set are read as {of} says: {}",
-            set_file.to_string().trim_end().replace('\n', "; ")
-        ));
-        Ok(())
+        read_for(&mut self.source, &self.said, task)
     }
+}
+
+/// The same of a source.
+///
+/// # Errors
+/// As [`Opened::read_for`].
+pub(crate) fn read_for(source: &mut Source, said: &Said, task: Option<&Chosen>) -> Result<()> {
+    let Said { set_file, path, .. } = said;
+    if set_file.is_none() {
+        return Ok(());
+    }
+    let wide = |width: fn(&Episode) -> usize| source.episodes.iter().map(width).find(|width| *width > 0);
+    let observed = wide(|one| one.observations.width()).unwrap_or(0);
+    let acted = wide(|one| one.actions.width()).unwrap_or(0);
+    let observations = task.and_then(|task| task.mujoco.as_ref()).map(MujocoTask::observation_ranges);
+    let ranges = Ranges {
+        controls: task.map_or(&[], |task| &task.task.specification().control_ranges),
+        observations: observations.as_deref().unwrap_or_default(),
+    };
+    source.conversion = set_file.conversion(observed, acted, ranges).map_err(|error| match path {
+        Some(path) => error.at(path),
+        None => error,
+    })?;
+    let of = path.as_ref().map_or_else(|| "the run".to_owned(), |path| path.display().to_string());
+    terminal::note(&format!(
+        "the numbers of the set are read as {of} says: {}",
+        set_file.to_string().trim_end().replace('\n', "; ")
+    ));
+    Ok(())
+}
+
+/// SHA-256 of demonstrations and of what the user says of their numbers.
+pub(crate) fn sha256(source: &Source, path: &Path, said: &Said) -> Result<String> {
+    let (as_stored, set_file) = (open::sha256(source, path)?, &said.set_file);
+    if set_file.is_none() {
+        return Ok(as_stored);
+    }
+    Ok(files::sha256_of(format!("{as_stored}\n{set_file}").as_bytes()))
 }
 
 /// Copies what the user says of a set into a set that was made of it, whose numbers are the same.
@@ -182,7 +192,7 @@ pub(crate) fn open_unchecked(
 }
 
 /// What the file says that is given, or lies with the set; where there is none, what a run remembers.
-fn said(set: &Located, given: Option<&Path>, recorded: Option<&Data>) -> Result<Said> {
+pub(crate) fn said(set: &Located, given: Option<&Path>, recorded: Option<&Data>) -> Result<Said> {
     let place = set_file::place_for(set);
     let path = given.map(Path::to_owned).or_else(|| set_file::find(set));
     let set_file = match &path {

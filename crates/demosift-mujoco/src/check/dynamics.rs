@@ -246,7 +246,7 @@ pub(super) fn judge(
         if explained.is_none() && typical <= OTHER_CONTACTS { "lead only nearly" } else { "do not lead" };
     let message = format!(
         "the actions of {whose} {how} to the next recorded state: a typical step misses {} of its change{first}",
-        if least == typical {
+        if percent_missed(least) == percent_missed(typical) {
             percent_missed(typical)
         } else {
             format!("{} to {}", percent_missed(least), percent_missed(typical))
