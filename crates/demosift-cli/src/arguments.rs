@@ -6,8 +6,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
-use demosift::data::demonstration::numbers::Numbers;
 use demosift::data::demonstration::episode::Format;
+use demosift::data::demonstration::numbers::Numbers;
 use demosift::run::preset::Preset;
 use demosift::stages::method::Method;
 use demosift::stages::referee::Refereeing;

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use demosift::data::demonstration::episode::Source;
-use demosift::data::demonstration::{self, Demonstration};
 use demosift::data::demonstration::timing;
+use demosift::data::demonstration::{self, Demonstration};
 use demosift::data::trajectory::StateLog;
 use demosift::{Error, Result};
 use demosift_mujoco::check::{self, Finding, Presented, Severity};
@@ -72,7 +72,9 @@ pub(crate) fn check(chosen: &Chosen, source: &Source, said: &Said, path: &Path) 
         });
         return Ok(());
     }
-    let all = |part: fn(&Finding) -> Option<&str>| of(Severity::Error).filter_map(part).collect::<Vec<_>>().join("; ");
+    let all = |part: fn(&Finding) -> Option<&str>| {
+        of(Severity::Error).filter_map(part).collect::<Vec<_>>().join("; ")
+    };
     let message = format!(
         "the set cannot be what the task '{}' takes: {}",
         chosen.task.specification().name,

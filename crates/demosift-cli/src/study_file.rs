@@ -18,8 +18,8 @@ use serde::Deserialize;
 use toml::Table;
 
 use crate::configuration::{self, Layer};
-use crate::{demonstrations, fit};
 use crate::task::{self, Chosen};
+use crate::{demonstrations, fit};
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -105,10 +105,15 @@ const SIFT: &str = "--task rod --config tiny.toml --judge cloning --referee none
 fn controls_are_stopped_everywhere_and_mended_by_the_line_that_is_proposed() {
     let scratch = two_sets("units-stopped");
     let line = "actions.units = \"controls\"";
-    for command in ["sift rad", "sift rad --dry-run", "judge rad", "select rad", "meta-train rad", "oracle rad"] {
+    for command in
+        ["sift rad", "sift rad --dry-run", "judge rad", "select rad", "meta-train rad", "oracle rad"]
+    {
         let said = complaint(&scratch, &format!("{command} {}", SIFT.replace("--referee none", "")));
         assert!(said.contains("the set cannot be what the task 'rod' takes"), "{said}");
-        assert!(said.contains("controls in the units of ctrlrange (then a typical step misses 0.0 %)"), "{said}");
+        assert!(
+            said.contains("controls in the units of ctrlrange (then a typical step misses 0.0 %)"),
+            "{said}"
+        );
         assert!(said.contains(&format!("write into rad/set.toml: {line}")), "{said}");
         assert!(!scratch.0.join("runs").exists(), "nothing is begun");
     }
@@ -235,7 +240,10 @@ fn a_clock_that_jumps_is_found_and_the_episode_can_be_left_out() {
 fn a_mistake_in_a_set_file_is_named_with_what_would_be_right() {
     let scratch = two_sets("units-mistakes");
     for (text, wanted) in [
-        ("actions.unit = 'controls'", "unknown key `unit`, expected one of `order`, `sign`, `scale`, `offset`, `units`"),
+        (
+            "actions.unit = 'controls'",
+            "unknown key `unit`, expected one of `order`, `sign`, `scale`, `offset`, `units`",
+        ),
         ("actions.units = 'deg'", "there is no unit 'deg'; there are: task, controls, degrees"),
         ("actions.sign = [1, -1]", "actions: sign has 2 numbers; wanted 1, one for each"),
         ("observations.units = { percent = '0-1' }", "number 1 is a share of the range of a joint"),

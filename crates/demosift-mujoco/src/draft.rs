@@ -57,7 +57,8 @@ pub fn draft(model: &Model, wanted: &Wanted<'_>) -> Result<Draft> {
     let actions = model.control_ranges()?.len();
     let observed = observed(model, wanted)?;
     let sizes = wanted.set.and_then(|set| set.first());
-    let fits = sizes.map(|one| (one.observations().width(), one.actions().width()) == (observed.width, actions));
+    let fits =
+        sizes.map(|one| (one.observations().width(), one.actions().width()) == (observed.width, actions));
     for measured in measured(model) {
         let text = text(model, wanted, &observed, &measured);
         let task = MujocoTask::from_model(&text, model.clone())?;

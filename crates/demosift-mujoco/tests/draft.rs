@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use demosift::basics::seed::Seed;
-use demosift::data::demonstration::{Demonstration, d4rl};
+use demosift::data::demonstration::Demonstration;
 use demosift::world::environment::Task as _;
 use demosift_mujoco::check::{self, Severity};
 use demosift_mujoco::draft::{Draft, Wanted, draft};
@@ -43,9 +43,7 @@ fn a_model_alone_gets_all_of_its_joints_and_a_usual_rate() {
 
 #[test]
 fn a_set_tells_length_rate_and_which_positions_are_left_out() {
-    let rows = |width: usize| {
-        demosift::math::rows::Rows::from_flat(vec![0.1; 300 * width], width).unwrap()
-    };
+    let rows = |width: usize| demosift::math::rows::Rows::from_flat(vec![0.1; 300 * width], width).unwrap();
     let set: Vec<Demonstration> = (0..2).map(|_| Demonstration::new(rows(17), rows(6)).unwrap()).collect();
     let (draft, task) = drafted("tasks/half_cheetah/half_cheetah.xml", Some(&set), Some(20.0));
     assert_eq!(draft.fits, Some(true), "{}", draft.text);
@@ -55,15 +53,4 @@ fn a_set_tells_length_rate_and_which_positions_are_left_out() {
     let (draft, _) = drafted("tasks/half_cheetah/half_cheetah.xml", Some(&odd), None);
     assert_eq!(draft.fits, Some(false));
     assert!(draft.text.contains("holds 3 numbers in an observation, and this has 18"), "{}", draft.text);
-}
-
-#[test]
-fn a_real_set_is_played_again_in_its_first_task() {
-    let path = in_repository("data/free_throw_8/demonstrations.hdf5");
-    let set = d4rl::read(&path).unwrap();
-    let set: Vec<Demonstration> = set.iter().map(|(_, one)| one.clone()).collect();
-    let (draft, task) = drafted("tasks/free_throw/free_throw.xml", Some(&set), Some(30.0));
-    // Its observations hold places too, which no draft guesses.
-    assert_eq!(draft.fits, Some(false));
-    assert_eq!(task.specification().horizon, 60);
 }

@@ -126,8 +126,7 @@ fn proposed(findings: &[Finding]) -> SetFile {
 /// The set as a set.toml reads it.
 fn read(task: &MujocoTask, recorded: &[Demonstration], file: &SetFile) -> Vec<Demonstration> {
     let observations = task.observation_ranges();
-    let ranges =
-        Ranges { controls: &task.specification().control_ranges, observations: &observations };
+    let ranges = Ranges { controls: &task.specification().control_ranges, observations: &observations };
     let (observed, acted) = (recorded[0].observations().width(), recorded[0].actions().width());
     let conversion = file.conversion(observed, acted, ranges).unwrap();
     let each = recorded.iter();
@@ -175,16 +174,16 @@ fn a_set_of_the_task_fits_and_says_how_many_actions_are_clipped() {
 fn signs_orders_and_units_of_actions_are_found_and_mended() {
     let (motors, servos) = (arm(MOTORS), arm(SERVOS));
     for (task, act, lines) in [
-        (
-            &motors,
-            (|row| vec![-row[0], row[1]]) as fn(&[f32]) -> Vec<f32>,
-            "actions.sign = [-1, 1]\n",
-        ),
+        (&motors, (|row| vec![-row[0], row[1]]) as fn(&[f32]) -> Vec<f32>, "actions.sign = [-1, 1]\n"),
         (&motors, |row| vec![-row[0], -row[1]], "actions.sign = -1\n"),
         (&motors, |row| vec![row[1], row[0]], "actions.order = [1, 0]\n"),
         (&motors, |row| vec![row[1], -row[0]], "actions.order = [1, 0]\nactions.sign = [-1, 1]\n"),
         (&motors, |row| vec![0.5 * row[0], 0.5 * row[1]], "actions.scale = 2\n"),
-        (&motors, |row| vec![0.3 * row[0] + 0.1, row[1]], "actions.scale = [3.333, 1]\nactions.offset = [-0.3333, 0]\n"),
+        (
+            &motors,
+            |row| vec![0.3 * row[0] + 0.1, row[1]],
+            "actions.scale = [3.333, 1]\nactions.offset = [-0.3333, 0]\n",
+        ),
         (&motors, |row| row.iter().map(|number| 100.0 * number).collect(), "actions.units = \"percent\"\n"),
         (&servos, |row| vec![2.8 * row[0], 0.25 + 2.25 * row[1]], "actions.units = \"controls\"\n"),
         (
@@ -252,8 +251,7 @@ fn what_no_joint_and_no_actuator_can_reach_is_found_without_the_physics() {
     let set = record(&task);
     let fit = |recorded: &[Demonstration], file: &SetFile| {
         let set = read(&task, recorded, file);
-        let presented =
-            Presented { set: &set, set_file: file.clone(), ..Presented::plain(recorded, None) };
+        let presented = Presented { set: &set, set_file: file.clone(), ..Presented::plain(recorded, None) };
         check::fit(task.specification(), Some(&task), &presented).unwrap()
     };
     let nothing = SetFile::default();
@@ -283,7 +281,8 @@ fn what_no_joint_and_no_actuator_can_reach_is_found_without_the_physics() {
 fn another_body_is_not_explained_away_by_units() {
     let task = arm(MOTORS);
     let set = record(&task);
-    let other = MODEL.replace("ACTUATORS", MOTORS).replace("armature=\"0.01\"", "armature=\"0.1\" stiffness=\"1\"");
+    let other =
+        MODEL.replace("ACTUATORS", MOTORS).replace("armature=\"0.01\"", "armature=\"0.1\" stiffness=\"1\"");
     let other = MujocoTask::from_texts(TASK, &[("arm.xml", &other)], None).unwrap();
     for states in [Some(&set.states[..]), None] {
         let plain = Presented::plain(&set.demonstrations, states);
@@ -308,7 +307,10 @@ fn nothing_is_proposed_that_misses_as_much_as_before() {
 
 #[test]
 fn another_rate_is_found_and_what_is_said_of_it_is_believed() {
-    let task = arm(MOTORS);
+    // Without velocities no step is played, which would tell that only the clock is wrong.
+    let text = TASK.replace(", { qvel = \"all\" }", "");
+    let model = MODEL.replace("ACTUATORS", MOTORS);
+    let task = MujocoTask::from_texts(&text, &[("arm.xml", &model)], None).unwrap();
     let set = record(&task);
     let says = |rate: f64| Says { steps_per_sec: Some(rate), file: "meta/info.json", ..Says::default() };
     let fit = |says: Says, timing: Option<Timing>, file: &str| {
@@ -328,13 +330,26 @@ fn another_rate_is_found_and_what_is_said_of_it_is_believed() {
     assert!(errors(&findings)[0].message.starts_with("set.toml says 60 steps a second"), "{findings:#?}");
     let clock = |step_secs: f64, jumps| Some(Timing { step_secs, jumps });
     let findings = fit(Says::default(), clock(0.1, Vec::new()), "");
-    assert!(errors(&findings)[0].message.starts_with("the timestamps say 10 steps a second"), "{findings:#?}");
+    assert!(
+        errors(&findings)[0].message.starts_with("the timestamps say 10 steps a second"),
+        "{findings:#?}"
+    );
     let jump = Jump { label: "7".to_owned(), step: 3, secs: 3.04 };
     let findings = fit(says(25.0), clock(0.04, vec![jump.clone()]), "");
     let [error] = errors(&findings)[..] else { panic!("{findings:#?}") };
-    assert!(error.message.contains("in episode 7 3.040 s pass before step 3, and 0.040 s before most"), "{error:#?}");
+    assert!(
+        error.message.contains("in episode 7 3.040 s pass before step 3, and 0.040 s before most"),
+        "{error:#?}"
+    );
     assert!(error.advice.as_ref().unwrap().contains("--without 7"), "{error:#?}");
     assert!(errors(&fit(says(25.0), clock(0.04, vec![jump]), "rate = 25")).is_empty());
+    let played = arm(MOTORS);
+    let set = record(&played);
+    let presented = Presented { says: says(50.0), ..Presented::plain(&set.demonstrations, None) };
+    let findings = check::fit(played.specification(), Some(&played), &presented).unwrap();
+    let [error] = errors(&findings)[..] else { panic!("{findings:#?}") };
+    assert!(error.message.ends_with("yet its steps follow each other as at the rate of the task"));
+    assert_eq!(error.lines.as_deref(), Some("rate = 25\n"));
 }
 
 #[test]

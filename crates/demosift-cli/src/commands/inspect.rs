@@ -74,6 +74,9 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<()> {
         }
         terminal::show(&match fits.why_not {
             None => format!("\nIt fits the task '{task}'.\n"),
+            Some(_) if !fits.findings.is_empty() => {
+                format!("\nIt does not fit the task '{task}': see ERROR above.\n")
+            }
             Some(why) => format!("\nIt does not fit the task '{task}': {why}.\n"),
         });
         terminal::show(&mended(&fits.findings, &said));

@@ -38,8 +38,11 @@ pub(crate) fn run(command: &TaskCommand) -> Result<()> {
 fn check(arguments: &TaskCheckArguments) -> Result<()> {
     let chosen = task::choose(&arguments.task)?;
     let Some(task) = &chosen.mujoco else {
-        return Err(Error::bad_input(format!("the task '{}' has no model that could be checked", chosen.name))
-            .with_hint("give the path of a folder with a task.toml, or another one of `demosift tasks`"));
+        return Err(Error::bad_input(format!(
+            "the task '{}' has no model that could be checked",
+            chosen.name
+        ))
+        .with_hint("give the path of a folder with a task.toml, or another one of `demosift tasks`"));
     };
     let (seen, mut findings) = check::look(task);
     let start = Instant::now();

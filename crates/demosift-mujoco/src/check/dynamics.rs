@@ -237,7 +237,9 @@ pub(super) fn judge(
     let other = explanation(environment, &odd)?;
     // Of two explanations that leave hardly anything, that which can be mended.
     let explained = match (units.filter(|_| all_are), other) {
-        (Some(units), Some(other)) if !is_same_physics(units.missed) && other.missed < units.missed => Some(other),
+        (Some(units), Some(other)) if !is_same_physics(units.missed) && other.missed < units.missed => {
+            Some(other)
+        }
         (units, other) => units.or(other),
     };
     let least =

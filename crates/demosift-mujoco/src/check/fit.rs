@@ -161,10 +161,8 @@ fn physics(task: &MujocoTask, presented: &Presented<'_>) -> Result<Physics> {
     let explained = match missed {
         Some(missed) if !dynamics::is_other_physics(missed) => None,
         // Where observations are far off, their states may not even be played.
-        _ => mending::explain(task, recorded, states)?.map_or_else(
-            || mending::other_skip(task, set, states),
-            |explained| Ok(Some(explained)),
-        )?,
+        _ => mending::explain(task, recorded, states)?
+            .map_or_else(|| mending::other_skip(task, set, states), |explained| Ok(Some(explained)))?,
     };
     Ok(Physics { missed, explained, ..Physics::default() })
 }
@@ -198,21 +196,20 @@ fn of_time(
             steps_in(rate)
         ))),
         Some((rate, who)) => {
-            let so_far = if physics.is_same() {
-                "; yet its steps follow each other as at the rate of the task"
-            } else {
-                ""
-            };
-            findings.push(
+            let message = format!("{who} {} a second, and {}", steps_in(rate), in_task(specification));
+            let finding = if physics.is_same() {
                 Finding::error(
-                    format!("{who} {} a second, and {}{so_far}", steps_in(rate), in_task(specification)),
-                    format!(
-                        "{}; if it was recorded at the rate of the task after all, set.toml may say so",
-                        other_rate(rate, mujoco)
-                    ),
+                    format!("{message}; yet its steps follow each other as at the rate of the task"),
+                    "so what it says seems to be wrong: set.toml can say what is right",
                 )
-                .mended_by(Some(right())),
-            );
+            } else {
+                let way = other_rate(rate, mujoco);
+                let advice = format!(
+                    "{way}; if it was recorded at the rate of the task after all, set.toml can say so"
+                );
+                Finding::error(message, advice)
+            };
+            findings.push(finding.mended_by(Some(right())));
         }
         None => {}
     }
@@ -277,7 +274,9 @@ fn other_rate(rate: f64, mujoco: Option<&MujocoTask>) -> String {
         Some(skip) if (skip - skip.round()).abs() < 0.01 * skip && skip >= 0.99 => {
             format!("frame_skip = {} in task.toml makes the task's rate that of the set", skip.round())
         }
-        _ => "give the task that rate, by timestep and frame_skip, or the set the rate of the task".to_owned(),
+        _ => {
+            "give the task that rate, by timestep and frame_skip, or the set the rate of the task".to_owned()
+        }
     }
 }
 
@@ -335,10 +334,8 @@ fn actions(specification: &Specification, presented: &Presented<'_>, physics: &P
     }
     let share = outside as f64 / count as f64;
     let largest = numbers().fold(0.0_f32, |largest, number| largest.max(number.abs()));
-    let message = format!(
-        "{:.1} % of the numbers of actions are outside [-1, 1], up to {largest:.2}",
-        100.0 * share
-    );
+    let message =
+        format!("{:.1} % of the numbers of actions are outside [-1, 1], up to {largest:.2}", 100.0 * share);
     // What was clipped then and is clipped now leads to the same states.
     if physics.is_same() {
         return Finding::fine(format!("{message}; they are clipped, as they were when they were recorded"));
@@ -356,11 +353,11 @@ fn actions(specification: &Specification, presented: &Presented<'_>, physics: &P
         _ if share > MOSTLY => String::new(),
         large => format!(" (number {} mostly far outside)", first_few(large)),
     };
-    let guess = if physics.mend().is_some_and(|mend| !mend.actions.is_none()) {
-        None
-    } else {
-        reach::unit_of_actions(specification, presented.recorded)
-    };
+    let message = format!("{clipped}, so hardly anything of them would be left{which}");
+    if physics.mend().is_some_and(|mend| !mend.actions.is_none()) {
+        return Finding::error(message, "the recorded steps tell what they are");
+    }
+    let guess = reach::unit_of_actions(specification, presented.recorded);
     let within = guess.map_or("", |unit| match unit {
         Unit::Controls => " (as controls they lie within ctrlrange)",
         Unit::Degrees => " (in degrees they lie within ctrlrange)",
@@ -371,7 +368,7 @@ fn actions(specification: &Specification, presented: &Presented<'_>, physics: &P
         ..SetFile::default()
     });
     Finding::error(
-        format!("{clipped}, so hardly anything of them would be left{which}"),
+        message,
         format!(
             "say in set.toml what they are{within}: controls, degrees, percent, or a scale; if they are meant to be clipped, \
              units = \"task\""
@@ -396,8 +393,9 @@ fn large_numbers(presented: &Presented<'_>) -> Vec<String> {
 fn steps(physics: &Physics, presented: &Presented<'_>) -> Option<Finding> {
     let missed = physics.missed;
     let percent = missed.map_or("not known".to_owned(), dynamics::percent_missed);
-    let message =
-        format!("the recorded actions do not lead to the next recorded state: a typical step misses {percent} of its change");
+    let message = format!(
+        "the recorded actions do not lead to the next recorded state: a typical step misses {percent} of its change"
+    );
     match &physics.explained {
         Some(explained) if explained.mend.is_some() || presented.set_file.rate.is_none() => {
             Some(Finding::error(message, explained.in_words()).mended_by(explained.mend.clone()))

@@ -15,7 +15,7 @@ use demosift::world::environment::Task as _;
 use super::dynamics::{self, Episode};
 use super::known::{self, Clipping, Known, Made};
 use super::naming::{self, Side};
-use super::needed::{self, Line};
+use super::needed::{self, Budget, Line};
 use crate::environment::MujocoEnvironment;
 use crate::mujoco_task::MujocoTask;
 use crate::task::observation::{Number, Reading};
@@ -23,7 +23,9 @@ use crate::task::observation::{Number, Reading};
 /// Steps that an explanation is tried on.
 const TRIED: usize = 100;
 /// Steps that it is tried on first.
-const TRIED_FIRST: usize = 16;
+const TRIED_FIRST: usize = 10;
+/// Steps of the physics that may be played to find an explanation: seconds of a humanoid, and less of anything else.
+const MOST_PHYSICS_STEPS: u64 = 100_000;
 /// Parts of an observation that are tried in every order.
 const MOST_PARTS: usize = 4;
 /// What a less simple explanation may leave of what the one before it leaves.
@@ -87,21 +89,27 @@ pub(super) fn explain(
         None => Vec::new(),
     };
     let mut best: Option<Explained> = None;
+    let mut budget = Budget { physics_steps: MOST_PHYSICS_STEPS };
     for candidate in candidates {
         // What is said first is simpler.
         if best.as_ref().is_some_and(|best| dynamics::is_same_physics(best.missed)) {
             break;
         }
-        if !leads_somewhere(&mut environment, task, &few, &candidate)? {
+        let file = Side::Observations.file(candidate.clone());
+        let leads_somewhere = match read(task, &few, &file) {
+            Some(tried) => needed::needed(&mut environment, &episodes(&tried), &mut budget)?.is_some(),
+            None => false,
+        };
+        if !leads_somewhere {
             continue;
         }
         for mend in actions_for(&mut environment, task, &many, &candidate)? {
             let Some(missed) = missed(&mut environment, task, &many, &mend)? else { continue };
             let is_named = mend.actions.scale.is_none() && mend.actions.offset.is_none();
             let is_enough = dynamics::is_same_physics(missed) || is_named && dynamics::is_same_body(missed);
-            let is_better = best.as_ref().is_none_or(|best| {
-                missed < CLEARLY * best.missed && !dynamics::is_same_physics(best.missed)
-            });
+            let is_better = best
+                .as_ref()
+                .is_none_or(|best| missed < CLEARLY * best.missed && !dynamics::is_same_physics(best.missed));
             if is_enough && is_better && !mend.is_none() {
                 best = Some(Explained { words: in_words(&mend), missed, mend: Some(mend) });
             }
@@ -207,19 +215,6 @@ fn missed(
     dynamics::typically_missed(environment, &episodes(&tried))
 }
 
-/// Whether some action leads from most states to the next, if the observations are these.
-fn leads_somewhere(
-    environment: &mut MujocoEnvironment,
-    task: &MujocoTask,
-    sample: &Sample,
-    observations: &Meaning,
-) -> Result<bool> {
-    let file = Side::Observations.file(observations.clone());
-    let Some(tried) = read(task, sample, &file) else { return Ok(false) };
-    let found = needed::needed(environment, &episodes(&tried))?;
-    Ok(2 * found.len() >= tried.pairs.len())
-}
-
 /// What actions may be, if the observations are these: what the needed ones say, and units that are usual.
 fn actions_for(
     environment: &mut MujocoEnvironment,
@@ -230,18 +225,21 @@ fn actions_for(
     let observed = Side::Observations.file(observations.clone());
     let with = |actions: Meaning| SetFile { actions, ..observed.clone() };
     let mut files = vec![observed.clone()];
-    if let Some(tried) = read(task, sample, &observed) {
-        let found = needed::needed(environment, &episodes(&tried))?;
-        let acted = sample.pairs[0].actions().width();
-        if let Some(lines) = whole(needed::lines(&found), acted) {
-            let ranges = Ranges { controls: &task.specification().control_ranges, observations: &[] };
-            files.push(with(naming::name(&lines, acted, Side::Actions, ranges)));
+    let acted = sample.pairs[0].actions().width();
+    let found = match read(task, sample, &observed) {
+        Some(tried) => {
+            // What leads somewhere is worth all that it takes.
+            let mut budget = Budget { physics_steps: u64::MAX };
+            needed::needed(environment, &episodes(&tried), &mut budget)?
         }
+        None => None,
+    };
+    if let Some(lines) = found.and_then(|found| whole(needed::lines(&found), acted)) {
+        let ranges = Ranges { controls: &task.specification().control_ranges, observations: &[] };
+        files.push(with(naming::name(&lines, acted, Side::Actions, ranges)));
     }
     let usual = [Unit::Controls, Unit::Degrees, Unit::Percent, Unit::PercentFrom0];
-    files.extend(
-        usual.map(|unit| with(Meaning { units: Some(Units::All(unit)), ..Meaning::default() })),
-    );
+    files.extend(usual.map(|unit| with(Meaning { units: Some(Units::All(unit)), ..Meaning::default() })));
     files.push(with(Meaning { sign: Some(Each::All(-1.0)), ..Meaning::default() }));
     Ok(files)
 }
@@ -280,23 +278,19 @@ fn observations(task: &MujocoTask) -> Vec<Meaning> {
     for order in orders(task, readings, &numbers) {
         all.extend(units.iter().map(|units| with(&Some(order.clone()), None, units)));
     }
-    all.extend(
-        signs
-            .iter()
-            .flat_map(|sign| units.iter().flatten().map(|units| with(&None, Some(sign.clone()), &Some(units.clone())))),
-    );
+    all.extend(signs.iter().flat_map(|sign| {
+        units.iter().flatten().map(|units| with(&None, Some(sign.clone()), &Some(units.clone())))
+    }));
     all
 }
 
 /// No unit; all hinges in degrees; their positions alone.
 fn in_degrees(task: &MujocoTask, numbers: &[Number]) -> Vec<Option<Units>> {
     let axes = task.model().axes();
-    let is_angle = |number: &Number| {
-        axes.iter().any(|axis| axis.is_hinge && *number == Number::Position(axis.qpos))
-    };
-    let is_turning = |number: &Number| {
-        axes.iter().any(|axis| axis.is_hinge && *number == Number::Velocity(axis.qvel))
-    };
+    let is_angle =
+        |number: &Number| axes.iter().any(|axis| axis.is_hinge && *number == Number::Position(axis.qpos));
+    let is_turning =
+        |number: &Number| axes.iter().any(|axis| axis.is_hinge && *number == Number::Velocity(axis.qvel));
     let units = |is_in_degrees: &dyn Fn(&Number) -> bool| {
         let of = |number: &Number| if is_in_degrees(number) { Unit::Degrees } else { Unit::Task };
         naming::in_units(&numbers.iter().map(of).collect::<Vec<_>>())

@@ -61,7 +61,12 @@ impl Finding {
     }
 
     fn warning(message: impl Into<String>, advice: impl Into<String>) -> Self {
-        Self { severity: Severity::Warning, message: message.into(), advice: Some(advice.into()), lines: None }
+        Self {
+            severity: Severity::Warning,
+            message: message.into(),
+            advice: Some(advice.into()),
+            lines: None,
+        }
     }
 
     /// The same with what the set's `set.toml` would have to say.

@@ -48,8 +48,9 @@ impl Side {
 pub(super) fn name(lines: &[Line], width: usize, side: Side, ranges: Ranges<'_>) -> Meaning {
     let places: Vec<usize> = lines.iter().map(|line| line.from).collect();
     let order = (!places.iter().copied().eq(0..width)).then_some(places);
-    let units: Vec<[Option<Line>; Unit::ALL.len()]> =
-        (0..lines.len()).map(|at| Unit::ALL.map(|unit| unit_line(unit, at, lines.len(), side, ranges))).collect();
+    let units: Vec<[Option<Line>; Unit::ALL.len()]> = (0..lines.len())
+        .map(|at| Unit::ALL.map(|unit| unit_line(unit, at, lines.len(), side, ranges)))
+        .collect();
     let sign_in = |at: usize, unit: usize| sign_of(lines[at], units[at][unit]?);
     let all = |unit: &usize| (0..lines.len()).all(|at| sign_in(at, *unit).is_some());
     // The first unit that fits all, or else the first of each.
@@ -172,7 +173,9 @@ pub(super) fn in_words(meaning: &Meaning, side: Side) -> Option<String> {
     match &meaning.units {
         Some(Units::All(unit)) => words.push(format!("the recorded {numbers} are {}", in_unit(*unit))),
         Some(Units::Some(units)) => words.extend(
-            units.iter().map(|(unit, those)| format!("number {those} of the {numbers} is {}", in_unit(*unit))),
+            units
+                .iter()
+                .map(|(unit, those)| format!("number {those} of the {numbers} is {}", in_unit(*unit))),
         ),
         None => {}
     }
@@ -197,11 +200,8 @@ mod tests {
         Ranges { controls: &[[-2.0, 2.0], [0.0, 4.0]], observations: &[Some([-1.0, 3.0]), None] };
 
     fn named(lines: &[[f64; 3]]) -> String {
-        let line = |[from, factor, shift]: &[f64; 3]| Line {
-            from: *from as usize,
-            factor: *factor,
-            shift: *shift,
-        };
+        let line =
+            |[from, factor, shift]: &[f64; 3]| Line { from: *from as usize, factor: *factor, shift: *shift };
         let lines: Vec<Line> = lines.iter().map(line).collect();
         let meaning = name(&lines, 2, Side::Actions, RANGES);
         Side::Actions.file(meaning).to_string()
@@ -217,9 +217,15 @@ mod tests {
             ([[0.0, 0.5, 0.0], [1.0, 0.5, -1.0]], "actions.units = \"controls\"\n"),
             ([[0.0, degrees, 0.0], [1.0, degrees, -1.0]], "actions.units = \"degrees\"\n"),
             ([[0.0, 0.01, 0.0], [1.0, -0.01, 0.0]], "actions.sign = [1, -1]\nactions.units = \"percent\"\n"),
-            ([[0.0, 0.5, 0.0], [1.0, 0.02, -1.0]], "actions.units = { controls = \"0\", percent_from_0 = \"1\" }\n"),
+            (
+                [[0.0, 0.5, 0.0], [1.0, 0.02, -1.0]],
+                "actions.units = { controls = \"0\", percent_from_0 = \"1\" }\n",
+            ),
             ([[0.0, 2.0004, 0.0], [1.0, 1.9996, 0.001]], "actions.scale = 2\n"),
-            ([[0.0, 0.3333, 0.0], [1.0, -3.14159, 0.7]], "actions.scale = [0.3333, -3.142]\nactions.offset = [0, 0.7]\n"),
+            (
+                [[0.0, 0.3333, 0.0], [1.0, -3.14159, 0.7]],
+                "actions.scale = [0.3333, -3.142]\nactions.offset = [0, 0.7]\n",
+            ),
         ] {
             assert_eq!(named(&lines), wanted);
         }

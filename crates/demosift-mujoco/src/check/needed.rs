@@ -11,6 +11,10 @@ use crate::environment::MujocoEnvironment;
 
 /// Steps of Gauss and Newton: a motor is linear in its control, and most else nearly so.
 const STEPS: usize = 4;
+/// What the first of them must leave at most of the change of its step, or no action leads there.
+const PROMISING: f64 = 0.5;
+/// A needed action that leaves less is exact.
+const EXACT: f64 = 1e-3;
 /// How far an action is moved to see what it does: far enough for f32, near enough to be linear.
 const MOVED: f64 = 0.1;
 /// What a needed action may leave of the change of its step.
@@ -51,32 +55,54 @@ struct Transition<'a> {
     known: &'a Known,
 }
 
-/// The actions that lead through episodes of two states each, as far as there are such.
+/// Steps of the physics that may still be played to find something out.
+pub(super) struct Budget {
+    pub(super) physics_steps: u64,
+}
+
+/// The actions that lead through episodes of two states each, as far as there are such; `None` as soon as more than half of
+/// them have none, or nothing may be played any more.
 ///
 /// # Errors
 /// `is_bad_input` if a state is not finite.
-pub(super) fn needed(environment: &mut MujocoEnvironment, pairs: &[Episode<'_>]) -> Result<Vec<Needed>> {
+pub(super) fn needed(
+    environment: &mut MujocoEnvironment,
+    pairs: &[Episode<'_>],
+    budget: &mut Budget,
+) -> Result<Option<Vec<Needed>>> {
     let mut found = Vec::new();
+    let mut failed = 0;
     for pair in pairs {
-        let ((qpos, qvel), (next_qpos, next_qvel)) =
-            (pair.state(0, environment), pair.state(1, environment));
-        if !pair.known.is_whole(qpos, qvel) {
-            continue;
-        }
+        let ((qpos, qvel), (next_qpos, next_qvel)) = (pair.state(0, environment), pair.state(1, environment));
         let transition = Transition { qpos, qvel, next_qpos, next_qvel, known: pair.known };
-        if let Some(action) = solve(environment, transition)? {
-            found.push(Needed { recorded: pair.actions.row(0).to_vec(), action });
+        let action = match pair.known.is_whole(qpos, qvel) {
+            true => solve(environment, transition, budget)?,
+            false => None,
+        };
+        match action {
+            Some(action) => found.push(Needed { recorded: pair.actions.row(0).to_vec(), action }),
+            None => failed += 1,
+        }
+        if 2 * failed > pairs.len() || budget.physics_steps == 0 {
+            return Ok(None);
         }
     }
-    Ok(found)
+    Ok(Some(found))
 }
 
 /// The action of a transition; `None` if no action within [−1, 1] leads there.
-fn solve(environment: &mut MujocoEnvironment, transition: Transition<'_>) -> Result<Option<Vec<f64>>> {
+fn solve(
+    environment: &mut MujocoEnvironment,
+    transition: Transition<'_>,
+    budget: &mut Budget,
+) -> Result<Option<Vec<f64>>> {
     let count = environment.task().controls.len();
+    let change = length(&transition.change(environment));
+    let each = u64::from(environment.task().frame_skip) * (count as u64 + 1);
     let mut action = vec![0.0_f64; count];
-    for _ in 0..STEPS {
-        let missed = missed_by(environment, transition, &action)?;
+    let mut missed = missed_by(environment, transition, &action)?;
+    for step in 0..STEPS {
+        budget.physics_steps = budget.physics_steps.saturating_sub(each);
         let mut columns = Vec::with_capacity(count);
         for at in 0..count {
             let moved = if action[at] > 0.0 { -MOVED } else { MOVED };
@@ -86,14 +112,18 @@ fn solve(environment: &mut MujocoEnvironment, transition: Transition<'_>) -> Res
             let slopes = there.iter().zip(&missed).map(|(there, here)| (there - here) / moved);
             columns.push(slopes.collect::<Vec<f64>>());
         }
-        let Some(change) = least_squares(&columns, &missed) else { return Ok(None) };
-        action.iter_mut().zip(change).for_each(|(action, change)| {
-            *action = (*action - change).clamp(-1.0, 1.0);
-        });
+        let Some(by) = least_squares(&columns, &missed) else { return Ok(None) };
+        action.iter_mut().zip(by).for_each(|(action, by)| *action = (*action - by).clamp(-1.0, 1.0));
+        missed = missed_by(environment, transition, &action)?;
+        let left = length(&missed);
+        if left <= EXACT * change {
+            break;
+        }
+        if step == 0 && !(left <= PROMISING * change) {
+            return Ok(None);
+        }
     }
-    let left = length(&missed_by(environment, transition, &action)?);
-    let change = length(&transition.change(environment));
-    Ok((change > 0.0 && left <= SOLVED * change).then_some(action))
+    Ok((change > 0.0 && length(&missed) <= SOLVED * change).then_some(action))
 }
 
 impl Transition<'_> {
@@ -189,7 +219,8 @@ fn robust(points: Vec<(f64, f64)>) -> Option<Straight> {
     let mut distances: Vec<f64> = points.iter().map(off).collect();
     distances.sort_by(f64::total_cmp);
     let usual = distances[distances.len() / 2];
-    let near: Vec<(f64, f64)> = points.iter().copied().filter(|point| off(point) <= FAR_OFF * usual).collect();
+    let near: Vec<(f64, f64)> =
+        points.iter().copied().filter(|point| off(point) <= FAR_OFF * usual).collect();
     straight(&near).or(Some(first))
 }
 
@@ -208,9 +239,8 @@ pub(super) fn straight(points: &[(f64, f64)]) -> Option<Straight> {
     let count = points.len() as f64;
     let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
     let (x_mean, y_mean) = (mean(|point| point.0), mean(|point| point.1));
-    let sum = |of: &dyn Fn(f64, f64) -> f64| {
-        points.iter().map(|(x, y)| of(x - x_mean, y - y_mean)).sum::<f64>()
-    };
+    let sum =
+        |of: &dyn Fn(f64, f64) -> f64| points.iter().map(|(x, y)| of(x - x_mean, y - y_mean)).sum::<f64>();
     let (xx, xy, yy) = (sum(&|x, _| x * x), sum(&|x, y| x * y), sum(&|_, y| y * y));
     if !(xx > 0.0 && yy > 0.0) {
         return None;

@@ -35,11 +35,7 @@ struct Seen<'a> {
 }
 
 /// Positions that joints cannot have; without lines where `is_explained` by something else.
-pub(super) fn positions(
-    task: &MujocoTask,
-    presented: &Presented<'_>,
-    is_explained: bool,
-) -> Option<Finding> {
+pub(super) fn positions(task: &MujocoTask, presented: &Presented<'_>, is_explained: bool) -> Option<Finding> {
     let numbers: Vec<Number> = task.blueprint().observation.iter().flat_map(Reading::numbers).collect();
     let axes = task.model().axes();
     let place = |number: Number| numbers.iter().position(|known| *known == number);
@@ -55,9 +51,8 @@ pub(super) fn positions(
         .collect();
     let (first, often) = far.first()?;
     let names: Vec<String> = far.iter().map(|(seen, _)| seen.axis.name.clone()).collect();
-    let largest = values(presented.set, first.place).fold(0.0_f64, |largest, number| {
-        if number.abs() > largest.abs() { number } else { largest }
-    });
+    let largest = values(presented.set, first.place)
+        .fold(0.0_f64, |largest, number| if number.abs() > largest.abs() { number } else { largest });
     let message = format!(
         "recorded positions lie far outside the range of {}: {}; {:.0} % of those of {}, up to {largest:.2}, and it goes from \
          {:.2} to {:.2} {}",
@@ -72,13 +67,16 @@ pub(super) fn positions(
     if presented.set_file.observations.is_of_task() {
         return Some(Finding::warning(message, "set.toml says that they are as the task has them"));
     }
+    if is_explained {
+        return Some(Finding::error(message, "the recorded steps tell what they are"));
+    }
     let far: Vec<Seen<'_>> = far.into_iter().map(|(seen, _)| seen).collect();
     let (mend, words) = guess(task, presented, &numbers, &far);
     let advice = format!(
         "{words}; say in set.toml what the observations are: degrees, percent, an order or a scale; if all this is right, \
          units = \"task\""
     );
-    Some(Finding::error(message, advice).mended_by(mend.filter(|_| !is_explained)))
+    Some(Finding::error(message, advice).mended_by(mend))
 }
 
 /// A unit in which positions would be within their ranges, and what is said of it.
@@ -91,13 +89,14 @@ fn guess(
     let set = presented.recorded;
     let is_as_wide = set.first().is_some_and(|one| one.observations().width() == numbers.len());
     let all_within = |unit: &dyn Fn(f64, &Seen<'_>) -> f64| {
-        far.iter().all(|seen| share(set, seen.place, |number| is_far(unit(number, seen), seen.range)) <= OFTEN)
+        far.iter()
+            .all(|seen| share(set, seen.place, |number| is_far(unit(number, seen), seen.range)) <= OFTEN)
     };
     let degrees = is_as_wide
         && far.iter().all(|seen| seen.axis.is_hinge)
         && all_within(&|number, _| number.to_radians());
-    let percent = is_as_wide
-        && far.iter().all(|seen| values(set, seen.place).all(|number| number.abs() <= PERCENT));
+    let percent =
+        is_as_wide && far.iter().all(|seen| values(set, seen.place).all(|number| number.abs() <= PERCENT));
     let file = |chosen: Vec<Unit>| SetFile {
         observations: Meaning { units: naming::in_units(&chosen), ..Meaning::default() },
         ..SetFile::default()

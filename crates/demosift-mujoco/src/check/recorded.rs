@@ -7,9 +7,9 @@ use demosift::world::environment::Task as _;
 use demosift::world::heuristic::Score;
 
 use super::comparison::{Compared, Recorded, StatesFrom};
+use super::fit::{self, Physics, Presented};
 use super::known::{self, Known};
 use super::mending::Explained;
-use super::fit::{self, Physics, Presented};
 use super::{Finding, LOOKED_AT, Severity, columns, dynamics, lengths, mending, several};
 use crate::mujoco_task::MujocoTask;
 use crate::replay;
@@ -30,10 +30,7 @@ pub fn compare(
 ///
 /// # Errors
 /// As [`compare`].
-pub fn compare_presented(
-    task: &MujocoTask,
-    presented: &Presented<'_>,
-) -> Result<(Recorded, Vec<Finding>)> {
+pub fn compare_presented(task: &MujocoTask, presented: &Presented<'_>) -> Result<(Recorded, Vec<Finding>)> {
     let Presented { set, states, .. } = *presented;
     let specification = task.specification();
     let compared = set.iter().map(|demonstration| {
@@ -253,7 +250,8 @@ fn replay_all(
         one.missed = missed.map(|missed| missed.share);
         one.typically_missed = missed.map(|missed| missed.typical);
     }
-    let all_are_off = misses.iter().all(|missed| missed.is_none_or(|missed| !dynamics::is_same_body(missed.typical)));
+    let all_are_off =
+        misses.iter().all(|missed| missed.is_none_or(|missed| !dynamics::is_same_body(missed.typical)));
     let explained = match all_are_off {
         true => mending::explain(task, presented.recorded, presented.states)?,
         false => None,

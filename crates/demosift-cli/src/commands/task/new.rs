@@ -20,9 +20,9 @@ pub(crate) fn run(arguments: &TaskNewArguments) -> Result<()> {
     let folder = arguments.out.as_deref().unwrap_or(beside);
     let file = folder.join(TASK_FILE);
     if file.exists() {
-        return Err(Error::bad_input("there is a task file already").at(&file).with_hint(
-            "change that one, or give another folder to --out",
-        ));
+        return Err(Error::bad_input("there is a task file already")
+            .at(&file)
+            .with_hint("change that one, or give another folder to --out"));
     }
     let opened = match &arguments.data {
         Some(data) => Some(demonstrations::open_unchecked(Some(data), &arguments.storage, None)?),
@@ -55,7 +55,8 @@ pub(crate) fn run(arguments: &TaskNewArguments) -> Result<()> {
 }
 
 fn name_of(model: &Path) -> String {
-    let stem = model.file_stem().map_or_else(|| "task".to_owned(), |stem| stem.to_string_lossy().into_owned());
+    let stem =
+        model.file_stem().map_or_else(|| "task".to_owned(), |stem| stem.to_string_lossy().into_owned());
     stem.chars().map(|letter| if letter.is_alphanumeric() { letter } else { '_' }).collect()
 }
 
@@ -63,8 +64,9 @@ fn name_of(model: &Path) -> String {
 fn model_file(model: &Path, out: Option<&Path>) -> Result<String> {
     let named: PathBuf = match out {
         None => model.file_name().map_or_else(PathBuf::new, PathBuf::from),
-        Some(_) => std::fs::canonicalize(model)
-            .map_err(|error| Error::io("cannot find the model", model, &error))?,
+        Some(_) => {
+            std::fs::canonicalize(model).map_err(|error| Error::io("cannot find the model", model, &error))?
+        }
     };
     let text = named.to_str().ok_or_else(|| Error::bad_input("the path is not UTF-8").at(model))?;
     if text.contains(['"', '\\']) {

@@ -169,14 +169,7 @@ impl Episode {
         actions: Rows,
         last_observation: Option<Vec<f32>>,
     ) -> Self {
-        Self {
-            label,
-            observations,
-            actions,
-            last_observation,
-            timestamps_secs: Vec::new(),
-            unreadable: None,
-        }
+        Self { label, observations, actions, last_observation, timestamps_secs: Vec::new(), unreadable: None }
     }
 
     /// Each episode that could be read, and in place of each other one why it could not; if none could, the first reason.

@@ -31,6 +31,7 @@ use serde::de::{MapAccess, SeqAccess, Visitor, value};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::basics::error::{Error, Result};
+use crate::data::demonstration::episode::{MINARI_HDF5, RECORDED};
 use crate::data::demonstration::numbers::Numbers;
 use crate::data::demonstration::open::Located;
 
@@ -126,8 +127,7 @@ pub enum Unit {
 
 impl Unit {
     /// All of them.
-    pub const ALL: [Self; 5] =
-        [Self::Task, Self::Controls, Self::Degrees, Self::Percent, Self::PercentFrom0];
+    pub const ALL: [Self; 5] = [Self::Task, Self::Controls, Self::Degrees, Self::Percent, Self::PercentFrom0];
 
     /// The word for it.
     pub fn word(self) -> &'static str {
@@ -201,9 +201,20 @@ impl SetFile {
     }
 }
 
-/// Where the `set.toml` of a set would lie: in its folder; for a file `lift.hdf5` it may also be `lift.set.toml` beside it.
+/// Where the `set.toml` of a set would lie: in its folder, and beside a file `lift.hdf5`, which may be one of many, as
+/// `lift.set.toml`.
 pub fn place_for(set: &Located) -> PathBuf {
-    let folder = if set.path.is_dir() { set.path.as_path() } else { set.path.parent().unwrap_or(Path::new("")) };
+    let name = set.path.file_name();
+    let is_of_folder = name.is_some_and(|name| name == RECORDED || name == MINARI_HDF5);
+    if !set.path.is_dir() && !is_of_folder {
+        return set.path.with_extension(SET_FILE);
+    }
+    in_folder(set)
+}
+
+fn in_folder(set: &Located) -> PathBuf {
+    let folder =
+        if set.path.is_dir() { set.path.as_path() } else { set.path.parent().unwrap_or(Path::new("")) };
     // Minari keeps its files in a folder `data` within that of the set.
     let is_inner = folder.file_name().is_some_and(|name| name == "data") && set.format.is_minari();
     if is_inner { folder.with_file_name(SET_FILE) } else { folder.join(SET_FILE) }
@@ -213,7 +224,7 @@ pub fn place_for(set: &Located) -> PathBuf {
 pub fn find(set: &Located) -> Option<PathBuf> {
     let of_file = (!set.path.is_dir()).then(|| set.path.with_extension(SET_FILE));
     let inner = if set.path.is_dir() { set.path.join(SET_FILE) } else { set.path.with_file_name(SET_FILE) };
-    [of_file, Some(inner), Some(place_for(set))].into_iter().flatten().find(|path| path.is_file())
+    [of_file, Some(inner), Some(in_folder(set))].into_iter().flatten().find(|path| path.is_file())
 }
 
 impl Meaning {
@@ -239,7 +250,10 @@ impl Meaning {
         }
         let order = self.order.as_deref().unwrap_or_default();
         if let Some(at) = (1..order.len()).find(|at| order[..*at].contains(&order[*at])) {
-            return Err(Error::bad_config(format!("order holds {} twice; wanted each number once", order[at])));
+            return Err(Error::bad_config(format!(
+                "order holds {} twice; wanted each number once",
+                order[at]
+            )));
         }
         Ok(())
     }
@@ -334,7 +348,9 @@ impl<'de> Deserialize<'de> for Units {
             type Value = Units;
 
             fn expecting(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-                out.write_str("a unit such as \"degrees\", or the numbers that are in one, { degrees = \"0-3\" }")
+                out.write_str(
+                    "a unit such as \"degrees\", or the numbers that are in one, { degrees = \"0-3\" }",
+                )
             }
 
             fn visit_str<E: serde::de::Error>(self, word: &str) -> std::result::Result<Units, E> {
@@ -366,7 +382,10 @@ mod tests {
         assert_eq!(read.actions.sign, Some(Each::Listed(vec![1.0, -1.0])));
         assert_eq!(read.actions.units, Some(Units::All(Unit::Controls)));
         let lines = read.to_string();
-        assert!(lines.contains("actions.order = [1, 0]\nactions.sign = [1, -1]\nactions.scale = 2\n"), "{lines}");
+        assert!(
+            lines.contains("actions.order = [1, 0]\nactions.sign = [1, -1]\nactions.scale = 2\n"),
+            "{lines}"
+        );
         assert!(lines.contains("observations.units = { degrees = \"0-3\", percent = \"5\" }\n"), "{lines}");
         assert_eq!(SetFile::parse(&lines).unwrap(), read);
         assert_eq!(serde_json::from_value::<SetFile>(serde_json::to_value(&read).unwrap()).unwrap(), read);
@@ -378,7 +397,10 @@ mod tests {
     fn a_mistake_is_named_with_what_would_be_right() {
         for (text, wanted) in [
             ("[actions]\nunit = 'degrees'", "unknown key `unit`, expected one of `order`, `sign`, `scale`"),
-            ("action.units = 'degrees'", "unknown key `action`, expected one of `rate`, `actions`, `observations`"),
+            (
+                "action.units = 'degrees'",
+                "unknown key `action`, expected one of `rate`, `actions`, `observations`",
+            ),
             ("actions.units = 'deg'", "there is no unit 'deg'; there are: task, controls, degrees, percent"),
             ("actions.units = { degree = '0' }", "there is no unit 'degree'"),
             ("actions.units = { degrees = 'all' }", "'all' is no list of numbers"),
@@ -409,6 +431,7 @@ mod tests {
         fs::write(root.join("lift.hdf5"), b"").unwrap();
         let file = located(root.join("lift.hdf5"), Format::Robomimic);
         assert_eq!(find(&file), None);
+        assert_eq!(place_for(&file), root.join("lift.set.toml"));
         fs::write(root.join("set.toml"), b"").unwrap();
         assert_eq!(find(&file), Some(root.join("set.toml")));
         fs::write(root.join("lift.set.toml"), b"").unwrap();

@@ -23,12 +23,7 @@ const MINARI_VERSION: &str = "0.5.3";
 ///
 /// # Errors
 /// `is_bad_input` if the folder exists, or an episode has no action left; `is_io` if a file cannot be written.
-pub fn write(
-    path: &Path,
-    episodes: &[Episode],
-    name: &str,
-    bounds: Option<&[[f64; 2]]>,
-) -> Result<()> {
+pub fn write(path: &Path, episodes: &[Episode], name: &str, bounds: Option<&[[f64; 2]]>) -> Result<()> {
     let mut file = FileBuilder::new();
     let mut total_steps = 0;
     for (index, episode) in episodes.iter().enumerate() {

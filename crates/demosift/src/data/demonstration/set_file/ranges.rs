@@ -175,10 +175,8 @@ mod tests {
     use super::*;
     use crate::math::rows::Rows;
 
-    const RANGES: Ranges<'_> = Ranges {
-        controls: &[[-2.0, 2.0], [0.0, 4.0]],
-        observations: &[Some([-1.0, 3.0]), None],
-    };
+    const RANGES: Ranges<'_> =
+        Ranges { controls: &[[-2.0, 2.0], [0.0, 4.0]], observations: &[Some([-1.0, 3.0]), None] };
 
     fn made(text: &str) -> (Vec<f32>, Vec<f32>) {
         let conversion = SetFile::parse(text).unwrap().conversion(2, 2, RANGES).unwrap();
@@ -208,7 +206,8 @@ mod tests {
 
     #[test]
     fn order_comes_first_then_sign_and_scale_then_offset_then_the_unit() {
-        let text = "[actions]\norder = [1, 0]\nsign = [1, -1]\nscale = 2\noffset = [0, 1]\nunits = 'controls'";
+        let text =
+            "[actions]\norder = [1, 0]\nsign = [1, -1]\nscale = 2\noffset = [0, 1]\nunits = 'controls'";
         // (2 · 3 − 0) / 2 and (−2 · 1 + 1 − 2) / 2.
         assert_eq!(made(text).1, [3.0, -1.5]);
         assert_eq!(made("actions.order = [1]").1, [3.0]);
@@ -220,7 +219,11 @@ mod tests {
             ("actions.order = [0, 2]", RANGES, "actions: order holds 2, and the set has 2 numbers"),
             ("actions.sign = [1, 1, -1]", RANGES, "actions: sign has 3 numbers; wanted 2"),
             ("actions.units = { degrees = '1-2' }", RANGES, "degrees = \"1-2\", and there are 2 numbers"),
-            ("actions.units = { degrees = '0-1', percent = '1' }", RANGES, "number 1 is in degrees and in percent"),
+            (
+                "actions.units = { degrees = '0-1', percent = '1' }",
+                RANGES,
+                "number 1 is in degrees and in percent",
+            ),
             ("observations.units = 'controls'", RANGES, "is for actions; wanted task, degrees"),
             ("observations.units = 'percent'", RANGES, "number 1 is a share of the range of a joint"),
             ("actions.units = 'controls'", Ranges::default(), "wants the range of a control"),
