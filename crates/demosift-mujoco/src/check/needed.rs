@@ -119,7 +119,7 @@ fn solve(
         if left <= EXACT * change {
             break;
         }
-        if step == 0 && !(left <= PROMISING * change) {
+        if step == 0 && (left.is_nan() || left > PROMISING * change) {
             return Ok(None);
         }
     }
