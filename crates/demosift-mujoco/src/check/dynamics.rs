@@ -8,8 +8,8 @@ use demosift::data::trajectory::StateLog;
 use demosift::math::rows::Rows;
 use serde::Serialize;
 
+use super::explained::{Explained, percent_missed};
 use super::known::{Known, Numbers};
-use super::mending::Explained;
 use super::{Finding, LOOKED_AT, in_first, looked_at};
 use crate::environment::MujocoEnvironment;
 
@@ -295,11 +295,6 @@ pub(super) fn is_other_physics(missed: f64) -> bool {
 /// Whether it can be put down to that or to another version of the engine.
 pub(super) fn is_same_body(missed: f64) -> bool {
     missed <= OTHER_CONTACTS
-}
-
-/// A share with a decimal; what is many times over says no more with all its digits.
-pub fn percent_missed(share: f64) -> String {
-    if share <= 10.0 { format!("{:.1} %", share * 100.0) } else { "over 1000 %".to_owned() }
 }
 
 /// What is missed of the change of a step, and the change, each as a distance.

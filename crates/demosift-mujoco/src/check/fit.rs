@@ -5,14 +5,14 @@
 //! What is found comes with the lines of a `set.toml` that would mend it.
 
 use demosift::Result;
-use demosift::data::demonstration::Demonstration;
-use demosift::data::demonstration::episode::Says;
 use demosift::data::demonstration::set_file::{Each, Meaning, SetFile, Unit, Units};
 use demosift::data::demonstration::timing::Timing;
 use demosift::data::trajectory::StateLog;
 use demosift::world::environment::Specification;
 
-use super::mending::{self, Explained};
+use super::explained::{Explained, percent_missed};
+use super::mending;
+use super::presented::Presented;
 use super::{Finding, Severity, columns, dynamics, first_few, reach, several};
 use crate::mujoco_task::MujocoTask;
 use crate::replay;
@@ -28,30 +28,6 @@ const OBSERVED: usize = 2000;
 const SAME_RATE: f64 = 0.03;
 /// Bounds that differ by less are the same.
 const SAME_BOUND: f64 = 1e-3;
-
-/// A set as it is held against a task.
-#[derive(Clone, Debug)]
-pub struct Presented<'a> {
-    /// In the numbers of the task.
-    pub set: &'a [Demonstration],
-    /// As it was recorded.
-    pub recorded: &'a [Demonstration],
-    /// The simulator's states of each demonstration, where the set has them.
-    pub states: Option<&'a [StateLog]>,
-    /// What the set says of its numbers.
-    pub says: Says,
-    /// What its clock tells.
-    pub timing: Option<Timing>,
-    /// What the user says of its numbers.
-    pub set_file: SetFile,
-}
-
-impl<'a> Presented<'a> {
-    /// A set of which nothing is said.
-    pub fn plain(set: &'a [Demonstration], states: Option<&'a [StateLog]>) -> Self {
-        Self { set, recorded: set, states, says: Says::default(), timing: None, set_file: SetFile::default() }
-    }
-}
 
 /// What is known of the physics of recorded steps.
 #[derive(Clone, Debug, Default)]
@@ -392,7 +368,7 @@ fn large_numbers(presented: &Presented<'_>) -> Vec<String> {
 /// What the steps that were tried say.
 fn steps(physics: &Physics, presented: &Presented<'_>) -> Option<Finding> {
     let missed = physics.missed;
-    let percent = missed.map_or("not known".to_owned(), dynamics::percent_missed);
+    let percent = missed.map_or("not known".to_owned(), percent_missed);
     let message = format!(
         "the recorded actions do not lead to the next recorded state: a typical step misses {percent} of its change"
     );

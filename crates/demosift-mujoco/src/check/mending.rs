@@ -13,6 +13,7 @@ use demosift::math::rows::Rows;
 use demosift::world::environment::Task as _;
 
 use super::dynamics::{self, Episode};
+use super::explained::Explained;
 use super::known::{self, Clipping, Known, Made};
 use super::naming::{self, Side};
 use super::needed::{self, Budget, Line};
@@ -32,28 +33,6 @@ const MOST_PARTS: usize = 4;
 const CLEARLY: f64 = 0.5;
 /// Joints of which each pair is tried exchanged.
 const MOST_JOINTS: usize = 8;
-
-/// Something that explains what actions miss.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Explained {
-    /// What seems to be so.
-    pub(super) words: String,
-    /// What a typical step misses then.
-    pub(super) missed: f64,
-    /// What makes it right; `None` where no `set.toml` can.
-    pub(super) mend: Option<SetFile>,
-}
-
-impl Explained {
-    /// What seems to be so, and what it leaves.
-    pub(super) fn in_words(&self) -> String {
-        format!(
-            "it seems that {} (then a typical step misses {})",
-            self.words,
-            dynamics::percent_missed(self.missed)
-        )
-    }
-}
 
 /// Steps of a set, spread evenly over it: episodes of two states each.
 struct Sample {

@@ -8,6 +8,7 @@
 mod columns;
 mod comparison;
 mod dynamics;
+mod explained;
 mod fit;
 mod known;
 mod lengths;
@@ -15,6 +16,7 @@ mod mending;
 mod naming;
 mod needed;
 mod play;
+mod presented;
 mod reach;
 mod recorded;
 mod seen;
@@ -23,9 +25,11 @@ use demosift::data::demonstration::set_file::SetFile;
 use serde::Serialize;
 
 pub use comparison::{Compared, Recorded, StatesFrom};
-pub use dynamics::{Drift, percent_missed};
-pub use fit::{Presented, fit};
+pub use dynamics::Drift;
+pub use explained::percent_missed;
+pub use fit::fit;
 pub use play::{Range, Tried, play};
+pub use presented::Presented;
 pub use recorded::{compare, compare_presented};
 pub use seen::{Actuator, Measured, Part, Seen, look};
 

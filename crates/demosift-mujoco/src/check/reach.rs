@@ -6,9 +6,9 @@ use demosift::data::demonstration::Demonstration;
 use demosift::data::demonstration::set_file::{Meaning, SetFile, Unit};
 use demosift::world::environment::{Specification, Task as _};
 
-use super::fit::Presented;
 use super::naming;
 use super::needed::straight;
+use super::presented::Presented;
 use super::{Finding, first_few};
 use crate::model::Axis;
 use crate::mujoco_task::MujocoTask;

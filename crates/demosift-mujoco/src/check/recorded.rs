@@ -7,9 +7,10 @@ use demosift::world::environment::Task as _;
 use demosift::world::heuristic::Score;
 
 use super::comparison::{Compared, Recorded, StatesFrom};
-use super::fit::{self, Physics, Presented};
+use super::explained::Explained;
+use super::fit::{self, Physics};
 use super::known::{self, Known};
-use super::mending::Explained;
+use super::presented::Presented;
 use super::{Finding, LOOKED_AT, Severity, columns, dynamics, lengths, mending, several};
 use crate::mujoco_task::MujocoTask;
 use crate::replay;
