@@ -292,6 +292,7 @@ pub(crate) struct Inspect<'a> {
     pub(crate) task: Option<&'a str>,
     pub(crate) fits_task: Option<bool>,
     pub(crate) why_it_does_not_fit: Option<&'a str>,
+    pub(crate) findings: &'a [Finding],
 }
 
 /// `demosift convert`

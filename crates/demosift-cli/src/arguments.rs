@@ -6,8 +6,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
-use demosift::data::demonstration::choice::Numbers;
 use demosift::data::demonstration::episode::Format;
+use demosift::data::demonstration::numbers::Numbers;
 use demosift::run::preset::Preset;
 use demosift::stages::method::Method;
 use demosift::stages::referee::Refereeing;
@@ -185,6 +185,10 @@ pub(crate) struct SourceArguments {
     /// The columns that make an action, in this order [default: what is usual in the format]
     #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
     pub(crate) action_columns: Vec<String>,
+    /// What the numbers of the set are, such as controls or degrees, if the task takes others: see set.toml in docs/formats.md
+    /// [default: set.toml in the folder of the set or beside its file, where there is one]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) set_file: Option<PathBuf>,
     /// All but these episodes, by the numbers that the file gives them, such as 3 or 3,7-9
     #[arg(long, value_name = "LIST", help_heading = "Which of the demonstrations")]
     pub(crate) without: Option<Numbers>,
@@ -489,6 +493,24 @@ impl ReportArguments {
 pub(crate) enum TaskCommand {
     /// Say what a task is made of, try it with random actions and with demonstrations, and tell what is wrong
     Check(TaskCheckArguments),
+    /// Write a first task.toml for a model, which observes what a set holds as far as that can be told
+    New(TaskNewArguments),
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = examples::TASK_NEW)]
+pub(crate) struct TaskNewArguments {
+    /// The model: an MJCF file
+    #[arg(value_name = "MODEL.xml")]
+    pub(crate) model: PathBuf,
+    /// Demonstrations that the task is for
+    #[arg(long, value_name = "SET")]
+    pub(crate) data: Option<PathBuf>,
+    /// The folder of the task [default: that of the model]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) storage: SetArguments,
 }
 
 #[derive(Debug, Args)]

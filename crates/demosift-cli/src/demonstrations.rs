@@ -2,25 +2,41 @@
 
 use std::path::{Path, PathBuf};
 
+use demosift::basics::files;
 use demosift::data::demonstration::choice::{self, Choice};
-use demosift::data::demonstration::episode::{self, Columns, Source};
+use demosift::data::demonstration::episode::{self, Columns, Episode, Source};
 use demosift::data::demonstration::open::{self, Located};
+use demosift::data::demonstration::set_file::{self, Ranges, SetFile};
 use demosift::data::demonstration::{DemoId, DemonstrationSet};
 use demosift::data::trajectory::StateLog;
 use demosift::run::experiment::{self, Config};
 use demosift::world::rollout::Playground;
 use demosift::{Error, Result};
+use demosift_mujoco::mujoco_task::MujocoTask;
 
 use crate::arguments::{SetArguments, SourceArguments};
 use crate::run_folder::{self, Data};
+use crate::task::Chosen;
 use crate::terminal;
 
 /// Demonstrations with the file or folder that they are in.
 pub(crate) struct Demonstrations {
     pub(crate) source: Source,
+    /// In the numbers of the task.
     pub(crate) set: DemonstrationSet,
     pub(crate) path: PathBuf,
+    pub(crate) said: Said,
     choice: Choice,
+}
+
+/// What the user says of the numbers of a set.
+#[derive(Clone, Debug)]
+pub(crate) struct Said {
+    pub(crate) set_file: SetFile,
+    /// Where it is said; `None` where it is not, or a run remembers it.
+    pub(crate) path: Option<PathBuf>,
+    /// Where it would be said.
+    pub(crate) place: PathBuf,
 }
 
 impl Demonstrations {
@@ -41,22 +57,25 @@ impl Demonstrations {
                 .with_hint("rename it, or give a link to it that has another name"));
         }
         Ok(Data {
-            sha256: open::sha256(&self.source, &self.path)?,
+            sha256: sha256(&self.source, &self.path, &self.said)?,
             path,
             format: Some(format),
             columns: self.source.columns.clone(),
             choice: self.choice.clone(),
+            set_file: self.said.set_file.clone(),
         })
     }
 }
 
-/// Reads what is given, or what a run that goes on was begun with.
+/// Reads what is given, or what a run that goes on was begun with, for a task; without one its numbers stay as they were
+/// recorded.
 pub(crate) fn open(
     given: Option<&Path>,
     how: &SetArguments,
     recorded: Option<&Data>,
+    task: Option<&Chosen>,
 ) -> Result<Demonstrations> {
-    let opened = open_unchecked(given, how, recorded)?;
+    let opened = open_for(given, how, recorded, task)?;
     let set = opened.source.set();
     opened.with(set)
 }
@@ -66,26 +85,105 @@ pub(crate) fn open_of_any_size(
     given: Option<&Path>,
     how: &SetArguments,
     recorded: Option<&Data>,
+    task: Option<&Chosen>,
 ) -> Result<Demonstrations> {
-    let opened = open_unchecked(given, how, recorded)?;
+    let opened = open_for(given, how, recorded, task)?;
     let set = opened.source.set_of_any_size();
     opened.with(set)
 }
 
-/// What lies there, of which not all need be fit to learn from.
+fn open_for(
+    given: Option<&Path>,
+    how: &SetArguments,
+    recorded: Option<&Data>,
+    task: Option<&Chosen>,
+) -> Result<Opened> {
+    let mut opened = open_unchecked(given, how, recorded)?;
+    if task.is_some() {
+        opened.read_for(task)?;
+    }
+    Ok(opened)
+}
+
+/// What lies there, of which not all need be fit to learn from; its numbers are as they were recorded.
 pub(crate) struct Opened {
     pub(crate) source: Source,
     pub(crate) path: PathBuf,
+    pub(crate) said: Said,
     choice: Choice,
 }
 
 impl Opened {
     fn with(self, set: Result<DemonstrationSet>) -> Result<Demonstrations> {
-        let Self { source, path, choice } = self;
+        let Self { source, path, said, choice } = self;
         let set = set.map_err(|error| error.at(&path))?;
         say_what_is_not_read(&source);
-        Ok(Demonstrations { source, set, path, choice })
+        Ok(Demonstrations { source, set, path, said, choice })
     }
+
+    /// From now on demonstrations are in the numbers of the task, as the user says what those of the set are.
+    ///
+    /// # Errors
+    /// If what is said does not fit the set or the task.
+    pub(crate) fn read_for(&mut self, task: Option<&Chosen>) -> Result<()> {
+        read_for(&mut self.source, &self.said, task)
+    }
+}
+
+/// The same of a source.
+///
+/// # Errors
+/// As [`Opened::read_for`].
+pub(crate) fn read_for(source: &mut Source, said: &Said, task: Option<&Chosen>) -> Result<()> {
+    let Said { set_file, path, .. } = said;
+    if set_file.is_none() {
+        return Ok(());
+    }
+    let wide = |width: fn(&Episode) -> usize| source.episodes.iter().map(width).find(|width| *width > 0);
+    let observed = wide(|one| one.observations.width()).unwrap_or(0);
+    let acted = wide(|one| one.actions.width()).unwrap_or(0);
+    let observations = task.and_then(|task| task.mujoco.as_ref()).map(MujocoTask::observation_ranges);
+    let ranges = Ranges {
+        controls: task.map_or(&[], |task| &task.task.specification().control_ranges),
+        observations: observations.as_deref().unwrap_or_default(),
+    };
+    source.conversion = set_file.conversion(observed, acted, ranges).map_err(|error| match path {
+        Some(path) => error.at(path),
+        None => error,
+    })?;
+    let of = path.as_ref().map_or_else(|| "the run".to_owned(), |path| path.display().to_string());
+    terminal::note(&format!(
+        "the numbers of the set are read as {of} says: {}",
+        set_file.to_string().trim_end().replace('\n', "; ")
+    ));
+    Ok(())
+}
+
+/// SHA-256 of demonstrations and of what the user says of their numbers.
+pub(crate) fn sha256(source: &Source, path: &Path, said: &Said) -> Result<String> {
+    let (as_stored, set_file) = (open::sha256(source, path)?, &said.set_file);
+    if set_file.is_none() {
+        return Ok(as_stored);
+    }
+    Ok(files::sha256_of(format!("{as_stored}\n{set_file}").as_bytes()))
+}
+
+/// Copies what the user says of a set into a set that was made of it, whose numbers are the same.
+pub(crate) fn hand_on(said: &Said, out: &Path) -> Result<()> {
+    if said.set_file.is_none() {
+        return Ok(());
+    }
+    files::write_atomically(&out.join(set_file::SET_FILE), said.set_file.to_string().as_bytes())
+}
+
+/// Where actions of a set lie, for those who write it down: as the set says, or anywhere if they are not those of a task.
+pub(crate) fn action_bounds(source: &Source, said: &Said) -> Option<Vec<[f64; 2]>> {
+    let everywhere = || {
+        let width = source.episodes.first().map_or(0, |episode| episode.actions.width());
+        vec![[f64::NEG_INFINITY, f64::INFINITY]; width]
+    };
+    let are_others = !said.set_file.actions.is_none();
+    source.says.action_bounds.clone().or_else(|| are_others.then(everywhere))
 }
 
 /// Nothing is left out without a word.
@@ -127,8 +225,22 @@ pub(crate) fn open_unchecked(
         _ => how.choice(),
     };
     let format = how.storage.format.or(recorded.and_then(|data| data.format));
-    let Located { path, format } = open::located(given, format)?;
-    Ok(Opened { source: open::open_chosen(&path, Some(format), &columns, &choice)?, path, choice })
+    let located = open::located(given, format)?;
+    let said = said(&located, how.storage.set_file.as_deref(), recorded)?;
+    let Located { path, format } = located;
+    let source = open::open_chosen(&path, Some(format), &columns, &choice)?;
+    Ok(Opened { source, path, said, choice })
+}
+
+/// What the file says that is given, or lies with the set; where there is none, what a run remembers.
+pub(crate) fn said(set: &Located, given: Option<&Path>, recorded: Option<&Data>) -> Result<Said> {
+    let place = set_file::place_for(set);
+    let path = given.map(Path::to_owned).or_else(|| set_file::find(set));
+    let set_file = match &path {
+        Some(path) => SetFile::read(path)?,
+        None => recorded.map_or_else(SetFile::default, |data| data.set_file.clone()),
+    };
+    Ok(Said { set_file, path, place })
 }
 
 impl SetArguments {

@@ -160,6 +160,12 @@ Examples:
 
 Exit code 2 if there is an error among the findings.";
 
+pub(crate) const TASK_NEW: &str = "\
+Examples:
+  A first task file beside a model, made to fit a set; what it marks with TODO is yours to say:
+    demosift task new my_robot/arm.xml --data my_demonstrations.hdf5
+    demosift task check my_robot --data my_demonstrations.hdf5";
+
 pub(crate) const TASKS: &str = "\
 Examples:
   Which names does --task know? Anything else is taken for the path of a folder with a task.toml:

@@ -23,6 +23,7 @@ use crate::arguments::{JobArguments, PresetName, RunArguments};
 use crate::asked_again;
 use crate::configuration::{self, Layer};
 use crate::demonstrations::{self, Demonstrations};
+use crate::fit;
 use crate::given_prior::{self, GivenPrior};
 use crate::interruption;
 use crate::metrics_file::MetricsFile;
@@ -66,7 +67,7 @@ impl Job {
         let plan = Request::of(&Asked { given: Some(given), ..Asked::of(arguments) })?;
         let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
         let path = arguments.demonstrations.as_deref();
-        let demonstrations = demonstrations::open_of_any_size(path, &arguments.source, recorded)?;
+        let demonstrations = demonstrations::open_of_any_size(path, &arguments.source, recorded, Some(&plan.chosen))?;
         given.check_sizes(&demonstrations.set).map_err(|error| error.at(&demonstrations.path))?;
         // What is kept is decided by the earlier run; its number may be more than there are here.
         let mut values = plan.values.clone();
@@ -76,6 +77,7 @@ impl Job {
         given.check_values(&values)?;
         let config: Config = configuration::typed(values.clone())?;
         demonstrations.check(&Playground::new(plan.chosen.task.as_ref()), &config)?;
+        plan.check_numbers(&demonstrations)?;
         let mut job = Self::of_plan(plan, demonstrations, values, config, arguments.run.dry_run)?;
         experiment::hand_on_prior(&given.folder, &mut job.folder)?;
         Ok(job)
@@ -90,8 +92,9 @@ impl Job {
         use_threads(arguments.run.threads)?;
         let plan = Request::of(&Asked::of(arguments))?;
         let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
+        let path = arguments.demonstrations.as_deref();
         let demonstrations =
-            demonstrations::open(arguments.demonstrations.as_deref(), &arguments.source, recorded)?;
+            demonstrations::open(path, &arguments.source, recorded, Some(&plan.chosen))?;
         let mut values = plan.values.clone();
         if let Some(keep) = arguments.keep {
             if let Some(wanted) = keep.misfit(demonstrations.set.len()) {
@@ -114,6 +117,7 @@ impl Job {
         let playground = Playground::new(plan.chosen.task.as_ref());
         demonstrations.check(&playground, &config)?;
         check(&demonstrations.set, &config)?;
+        plan.check_numbers(&demonstrations)?;
         let asks_for_it = config.judges.each().contains(&Judge::Paper) || config.keep == Keep::Weights;
         if prior == Prior::Needed && asks_for_it && !plan.holds_prior()? {
             experiment::check_budget(&demonstrations.set, &playground, &config)?;
@@ -358,6 +362,15 @@ impl Request {
         }
         let prior = given.map(|given| given.origin.clone());
         Ok(Self { chosen, values, begun, out, prior })
+    }
+
+    /// Whether the numbers of demonstrations are such as the task takes; what was begun was found to be so.
+    fn check_numbers(&self, demonstrations: &Demonstrations) -> Result<()> {
+        let Demonstrations { source, said, path, .. } = demonstrations;
+        match self.begun {
+            None => fit::check(&self.chosen, source, said, path),
+            Some(_) => Ok(()),
+        }
     }
 
     /// Whether the run has learned its prior already.

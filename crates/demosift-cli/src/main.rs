@@ -8,6 +8,7 @@ mod configuration;
 mod demonstrations;
 mod event_file;
 mod examples;
+mod fit;
 mod given_prior;
 mod interruption;
 mod job;

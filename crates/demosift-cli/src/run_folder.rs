@@ -10,6 +10,7 @@ use demosift::basics::ledger::Ledger;
 use demosift::basics::seal;
 use demosift::data::demonstration::choice::Choice;
 use demosift::data::demonstration::episode::{Columns, Format};
+use demosift::data::demonstration::set_file::SetFile;
 use demosift::results::artifact::FORMAT_VERSION;
 use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -72,6 +73,9 @@ pub(crate) struct Data {
     /// Which episodes of them were taken.
     #[serde(default, skip_serializing_if = "Choice::is_all")]
     pub(crate) choice: Choice,
+    /// What the user says of their numbers.
+    #[serde(default, skip_serializing_if = "SetFile::is_none")]
+    pub(crate) set_file: SetFile,
 }
 
 /// What a folder tells of the run that it holds.
@@ -371,6 +375,10 @@ fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Resu
         |identity: &Identity| identity.data.as_ref().map_or_else(String::new, |data| data.choice.to_string());
     let prior =
         |identity: &Identity| identity.prior.as_ref().map_or("none".to_owned(), |prior| prior.sha256.clone());
+    let set_file = |identity: &Identity| {
+        let lines = identity.data.as_ref().map_or_else(String::new, |data| data.set_file.to_string());
+        if lines.is_empty() { "nothing".to_owned() } else { lines.trim_end().replace('\n', "; ") }
+    };
     let text = |value: Option<String>| value.unwrap_or_else(|| "none".to_owned());
     let variant = |identity: &Identity| identity.variant.clone().unwrap_or_else(|| "all of them".to_owned());
     let pairs = [
@@ -380,6 +388,7 @@ fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Resu
         ("the columns of the demonstrations", columns(old), columns(identity)),
         ("the choice of episodes", choice(old), choice(identity)),
         ("the SHA-256 of the prior that it was given", prior(old), prior(identity)),
+        ("what set.toml says of the demonstrations", set_file(old), set_file(identity)),
         ("the SHA-256 of the demonstrations", text(sha256(old)), text(sha256(identity))),
     ];
     let differs = pairs.into_iter().find(|(_, old, new)| old != new);

@@ -20,6 +20,7 @@ use toml::Table;
 
 use crate::configuration::{self, Layer};
 use crate::task::{self, Chosen};
+use crate::{demonstrations, fit};
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -290,18 +291,22 @@ fn open_set(entry: &SetEntry, file: &File, folders: Folders<'_>) -> Result<Found
     };
     let columns =
         Columns { observations: entry.observation_columns.clone(), actions: entry.action_columns.clone() };
-    let open::Located { path, format } = open::located(&path, entry.format)?;
-    let source = open::open(&path, Some(format), &columns)?;
-    let sha256 = open::sha256(&source, &path)?;
+    let located = open::located(&path, entry.format)?;
+    let said = demonstrations::said(&located, None, None)?;
+    let open::Located { path, format } = located;
+    let mut source = open::open(&path, Some(format), &columns)?;
+    let sha256 = demonstrations::sha256(&source, &path, &said)?;
     if let Some(wanted) = entry.sha256.as_ref().filter(|wanted| **wanted != sha256) {
         return Err(Error::bad_input(format!("the SHA-256 is {sha256}, and must be {wanted}")).at(&path));
     }
+    let chosen = choose(entry, folders)?;
+    demonstrations::read_for(&mut source, &said, Some(&chosen))?;
     let whole = source.set().map_err(|error| error.at(&path))?;
+    fit::check(&chosen, &source, &said, &path)?;
     let set = match &entry.episodes {
         Some(episodes) => part_of(&whole, episodes)?,
         None => whole.clone(),
     };
-    let chosen = choose(entry, folders)?;
     let opened = OpenedSet {
         training: training(&set, &chosen, file)?,
         methods: configurations(&set, &chosen, file)?,

@@ -199,3 +199,26 @@ fn an_episode_has_an_end() {
     assert!(complaint.contains("horizon = 9000000000000000000: must be at most 10000000"), "{complaint}");
     assert_eq!(output.status.code(), Some(2));
 }
+
+#[test]
+fn a_first_task_file_is_written_that_the_check_accepts_and_nothing_is_written_over() {
+    let scratch = Scratch::new("task-new");
+    std::fs::create_dir_all(scratch.0.join("block")).unwrap();
+    std::fs::write(scratch.0.join("block/block.xml"), MODEL).unwrap();
+    let numbers = |values: &[f32], width| Rows::from_flat(values.to_vec(), width).unwrap();
+    let (observations, actions) = (numbers(&[0.1, 0.0, 0.1, 0.0], 2), numbers(&[0.0, 0.5], 1));
+    let episode = || Episode { observations: &observations, actions: &actions, states: None, terminated: false };
+    d4rl::write(&scratch.0.join("two.hdf5"), &[episode(), episode()]).unwrap();
+    let said = scratch.succeed("task new block/block.xml --data two.hdf5");
+    assert_eq!(said, "A first task file: block/task.toml. Say what you want where it says TODO.\n");
+    let text = std::fs::read_to_string(scratch.0.join("block/task.toml")).unwrap();
+    assert!(text.contains("model = \"block.xml\"") && text.contains("horizon = 2 "), "{text}");
+    scratch.succeed("task check block");
+    let output = scratch.run("task new block/block.xml");
+    let complaint = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(2) && complaint.contains("a task file already"), "{complaint}");
+    scratch.succeed("task new block/block.xml --out elsewhere/new");
+    scratch.succeed("task check elsewhere/new");
+    let output = scratch.run("task new nowhere.xml");
+    assert!(String::from_utf8(output.stderr).unwrap().contains("there is no such file"));
+}

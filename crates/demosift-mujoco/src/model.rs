@@ -57,6 +57,18 @@ impl Joint {
     }
 }
 
+/// A joint of one number: a hinge, rad, or a slide, m.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Axis {
+    pub(crate) name: String,
+    pub(crate) is_hinge: bool,
+    /// Where its position and its velocity stand in the state.
+    pub(crate) qpos: usize,
+    pub(crate) qvel: usize,
+    /// Where its position may be, if the model limits it.
+    pub(crate) range: Option<[f64; 2]>,
+}
+
 /// A place in the model that moves with a body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Point {
@@ -256,6 +268,22 @@ impl Model {
                 };
                 let (qpos, qvel) = (self.0.jnt_qposadr()[id] as usize, self.0.jnt_dofadr()[id] as usize);
                 Joint { name, qpos: qpos..qpos + positions, qvel: qvel..qvel + velocities }
+            })
+            .collect()
+    }
+
+    /// All hinges and slides, in order of their ids.
+    pub(crate) fn axes(&self) -> Vec<Axis> {
+        let kinds = self.0.jnt_type().iter().zip(self.0.jnt_limited()).zip(self.0.jnt_range());
+        let joints = self.joints().into_iter().zip(kinds);
+        joints
+            .filter(|(joint, _)| joint.qpos.len() == 1)
+            .map(|(Joint { name, qpos, qvel }, ((kind, limited), range))| Axis {
+                name,
+                is_hinge: *kind == MjtJoint::mjJNT_HINGE,
+                qpos: qpos.start,
+                qvel: qvel.start,
+                range: limited.then_some(*range),
             })
             .collect()
     }

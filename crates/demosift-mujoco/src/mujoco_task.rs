@@ -13,6 +13,7 @@ use crate::environment::MujocoEnvironment;
 use crate::include;
 use crate::model::Model;
 use crate::task::blueprint::{Blueprint, resolve};
+use crate::task::observation::{Number, Reading};
 use crate::task::reward::RewardShaping;
 use crate::task::task_file::TaskFile;
 
@@ -115,6 +116,14 @@ impl MujocoTask {
         Self::build(task_file, |model| Model::from_texts(model, models), shaping)
     }
 
+    /// Takes the text of a `task.toml` and a model that is loaded already.
+    ///
+    /// # Errors
+    /// As [`MujocoTask::from_file`].
+    pub(crate) fn from_model(task_file: &str, model: Model) -> Result<Self> {
+        Self::build(task_file, |_| Ok(model), None)
+    }
+
     fn build(
         text: &str,
         load: impl FnOnce(&str) -> Result<Model>,
@@ -142,6 +151,14 @@ impl MujocoTask {
     /// The model.
     pub fn model(&self) -> &Model {
         &self.0.model
+    }
+
+    /// The range of the joint whose position each observed number is, `[obs]`; `None` for any other number and where the
+    /// model sets no limits.
+    pub fn observation_ranges(&self) -> Vec<Option<[f64; 2]>> {
+        let axes = self.0.model.axes();
+        let of = |number: &Number| axes.iter().find(|axis| *number == Number::Position(axis.qpos));
+        self.0.observation.iter().flat_map(Reading::numbers).map(|number| of(&number)?.range).collect()
     }
 
     /// The camera that shows the task best, if the model has cameras.

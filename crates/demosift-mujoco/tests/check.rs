@@ -479,7 +479,11 @@ fn states_are_taken_from_observations_that_hold_all_of_them() {
     assert!(recorded.demonstrations.iter().all(|one| one.missed.unwrap() < 1e-4));
     let swapped = |row: &[f32]| [&row[2..4], &row[..2], &row[4..]].concat();
     let (_, findings) = check::compare(&task, &changed(&set, swapped, same), None).unwrap();
-    assert_found(&findings, Severity::Error, "stand in another order than those of `observation`");
+    assert_found(
+        &findings,
+        Severity::Error,
+        "the recorded observations stand in another order: [2, 3, 0, 1, 4, 5, 6, 7]",
+    );
     let blind = load(&TASK.replace("{ qvel = \"all\" }", "{ qvel = \"elbow\" }"), MODEL);
     let (set, _) = record(&blind);
     let (recorded, findings) = check::compare(&blind, &set, None).unwrap();

@@ -410,13 +410,12 @@ fn an_unknown_task_lists_the_known_ones() {
     assert!(error.to_string().contains(&wanted) && known.contains("half_cheetah"), "{error}");
 }
 
-/// The task file in the documentation of the crate.
+/// The task file in the documents.
 #[test]
 fn the_documented_example_is_a_task() {
-    let documentation = include_str!("../src/lib.rs");
-    let example = documentation.split("```toml").nth(1).unwrap().split("//! ```").next().unwrap();
-    let example: Vec<&str> =
-        example.lines().map(|line| line.trim_start_matches("//!").trim_start()).collect();
+    let page = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/task-file.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    let example = page.split("```toml").nth(1).unwrap().split("```").next().unwrap();
     let model = r#"
 <mujoco>
   <worldbody>
@@ -435,5 +434,5 @@ fn the_documented_example_is_a_task() {
   <actuator><motor name="push" joint="slider" ctrllimited="true" ctrlrange="-2 4"/></actuator>
   <keyframe><key name="ready" qpos="0 0 0 0 2 0 1 1 0 0 0"/></keyframe>
 </mujoco>"#;
-    MujocoTask::from_texts(&example.join("\n"), &[("arm.xml", model)], None).unwrap();
+    MujocoTask::from_texts(example, &[("arm.xml", model)], None).unwrap();
 }

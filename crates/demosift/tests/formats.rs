@@ -376,7 +376,7 @@ fn next_observations_that_are_none_are_refused() {
     assert_says(&read(&path).unwrap_err(), &["'next_obs/arm' has shape [1, 3]", "'obs/arm' [1, 2]"]);
     robomimic_with_next(&path, &[1.0, f64::NAN], &[1, 2]);
     let episodes = read(&path).unwrap().episodes;
-    let error = minari::write(&scratch.0.join("out"), &episodes, "demosift/test-v0").unwrap_err();
+    let error = minari::write(&scratch.0.join("out"), &episodes, "demosift/test-v0", None).unwrap_err();
     assert_says(&error, &["final observation of episode demo_0", "finite"]);
     robomimic_with_next(&path, &[3.0, 4.0], &[1, 2]);
     assert_eq!(read(&path).unwrap().episodes[0].last_observation, Some(vec![3.0, 4.0]));
@@ -458,14 +458,14 @@ fn what_is_written_is_read_again() {
     assert_eq!(demonstration::open::read_states(&path, None).unwrap().unwrap(), states, "in full precision");
 
     let path = scratch.0.join("minari");
-    minari::write(&path, &original.episodes, "demosift/test-v0").unwrap();
+    minari::write(&path, &original.episodes, "demosift/test-v0", None).unwrap();
     assert_eq!(read(&path).unwrap(), original, "final observations too");
-    let error = minari::write(&path, &original.episodes, "demosift/test-v0").unwrap_err();
+    let error = minari::write(&path, &original.episodes, "demosift/test-v0", None).unwrap_err();
     assert_says(&error, &["already", "new folder"]);
 
     // Without a final observation the last action has no successor, so Minari cannot hold it.
     let path = scratch.0.join("shorter");
-    minari::write(&path, &again.episodes, "demosift/test-v0").unwrap();
+    minari::write(&path, &again.episodes, "demosift/test-v0", None).unwrap();
     for (shorter, episode) in read(&path).unwrap().episodes.iter().zip(&again.episodes) {
         let steps = episode.actions.len() - 1;
         assert_eq!(shorter.actions, episode.actions.head(steps));

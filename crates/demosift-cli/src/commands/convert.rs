@@ -10,12 +10,12 @@ use demosift::{Error, Result};
 
 use crate::answers;
 use crate::arguments::{ConvertArguments, Target};
-use crate::demonstrations::{self, Opened};
+use crate::demonstrations::{self, Opened, Said};
 use crate::writing::undisturbed;
 use crate::{task, terminal};
 
 pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
-    let Opened { source, path, .. } =
+    let Opened { source, path, said, .. } =
         demonstrations::open_unchecked(Some(&arguments.demonstrations), &arguments.source, None)?;
     demonstrations::say_what_is_not_read(&source);
     // One is not enough to choose from, and enough to convert.
@@ -23,13 +23,23 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
     let out = &arguments.out;
     match arguments.to {
         Target::Lerobot => {
-            let described = described(&source, &path, arguments.fps, arguments.task.as_deref(), out)?;
+            let asked = Asked { fps: arguments.fps, task: arguments.task.as_deref(), out };
+            let described = described(&source, &path, &said, &asked)?;
             described.videos.missing.iter().for_each(|words| terminal::note(words));
             let states = demonstration::open::read_states(&path, Some(source.format))?;
             let (_, states) = chosen(&source, states.as_deref(), &source.ids)?;
-            undisturbed(|| lerobot::write(out, &source.episodes, states.as_deref(), &described))?;
+            undisturbed(|| {
+                lerobot::write(out, &source.episodes, states.as_deref(), &described)?;
+                demonstrations::hand_on(&said, out)
+            })?;
         }
-        Target::Minari => undisturbed(|| minari::write(out, &source.episodes, &minari_id(out)))?,
+        Target::Minari => {
+            let bounds = demonstrations::action_bounds(&source, &said);
+            undisturbed(|| {
+                minari::write(out, &source.episodes, &minari_id(out), bounds.as_deref())?;
+                demonstrations::hand_on(&said, out)
+            })?;
+        }
     }
     let total: usize = source.episodes.iter().map(|episode| episode.actions.len()).sum();
     if arguments.json {
@@ -44,33 +54,38 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
     Ok(())
 }
 
-/// What LeRobot keeps beside the steps: as the source says, where it is of LeRobot too, with the rate that the user gives
-/// before it and the task's behind it.
-pub(super) fn described(
-    source: &Source,
-    path: &Path,
-    fps: Option<u32>,
-    task: Option<&str>,
-    out: &Path,
-) -> Result<Described> {
+/// What is asked for where a set is written.
+pub(super) struct Asked<'a> {
+    pub(super) fps: Option<u32>,
+    pub(super) task: Option<&'a str>,
+    pub(super) out: &'a Path,
+}
+
+/// What LeRobot keeps beside the steps: as the source says, where it is of LeRobot too.
+///
+/// The rate is the one that is asked for, or that of the source, or what its set.toml says, or that of the task.
+pub(super) fn described(source: &Source, path: &Path, said: &Said, asked: &Asked<'_>) -> Result<Described> {
     let mut described = match source.format {
         Format::LeRobotV3 | Format::LeRobotV2 => lerobot::description(path, source)?,
         _ => Described::default(),
     };
-    if fps.is_some_and(|fps| fps != described.steps_per_sec) && !described.videos.cameras.is_empty() {
-        let said = format!(
+    if asked.fps.is_some_and(|fps| fps != described.steps_per_sec) && !described.videos.cameras.is_empty() {
+        let left = format!(
             "the videos are not handed on: they are of {} pictures in a second",
             described.steps_per_sec
         );
-        described.videos = Videos { missing: vec![said], ..Videos::default() };
+        described.videos = Videos { missing: vec![left], ..Videos::default() };
     }
-    match (fps, described.steps_per_sec) {
-        (Some(given), _) => described.steps_per_sec = given,
-        (None, 0) => described.steps_per_sec = rate_of_task(task)?,
-        _ => {}
-    }
+    let whole = |rate: f64| (rate.round().max(1.0)) as u32;
+    let told = source.says.steps_per_sec.or(said.set_file.rate).map(whole);
+    described.steps_per_sec = match (asked.fps, described.steps_per_sec, told) {
+        (Some(given), ..) => given,
+        (None, 0, Some(told)) => told,
+        (None, 0, None) => rate_of_task(asked.task)?,
+        (None, described, _) => described,
+    };
     if described.tasks.is_empty() {
-        described.tasks = vec![task.map_or_else(|| name_of(out), task_name)];
+        described.tasks = vec![asked.task.map_or_else(|| name_of(asked.out), task_name)];
     }
     Ok(described)
 }

@@ -16,7 +16,7 @@ use demosift::{Error, Result};
 use serde::Serialize;
 use serde_json::Value;
 
-use super::convert;
+use super::convert::{self, Asked};
 use crate::answers::{self, Exported};
 use crate::arguments::{ExportArguments, Form, SetArguments};
 use crate::demonstrations::{self, Demonstrations};
@@ -60,9 +60,9 @@ pub(crate) fn run(arguments: &ExportArguments) -> Result<()> {
 
 fn write_lerobot(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     let out = folder(arguments)?;
-    let Demonstrations { source, path, .. } = &kept.demonstrations;
-    let task = Some(kept.identity.task.as_str());
-    let mut described = convert::described(source, path, arguments.fps, task, &out)?;
+    let Demonstrations { source, path, said, .. } = &kept.demonstrations;
+    let asked = Asked { fps: arguments.fps, task: Some(kept.identity.task.as_str()), out: &out };
+    let mut described = convert::described(source, path, said, &asked)?;
     if described.tasks.len() > 1 {
         // Those of the kept alone.
         let of_kept = source.ids.iter().zip(&described.tasks).filter(|(id, _)| kept.ids.contains(id));
@@ -75,7 +75,10 @@ fn write_lerobot(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     let states =
         demonstration::open::read_states(&kept.demonstrations.path, Some(kept.demonstrations.source.format))?;
     let (episodes, states) = convert::chosen(&kept.demonstrations.source, states.as_deref(), &kept.ids)?;
-    undisturbed(|| lerobot::write(&out, &episodes, states.as_deref(), &described))?;
+    undisturbed(|| {
+        lerobot::write(&out, &episodes, states.as_deref(), &described)?;
+        demonstrations::hand_on(said, &out)
+    })?;
     written(kept, &out)?;
     terminal::note(&format!(
         "train on it: lerobot-train --dataset.repo_id=local/{} --dataset.root={} --policy.type=act",
@@ -88,12 +91,16 @@ fn write_lerobot(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
 fn write_minari(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     let out = folder(arguments)?;
     let name = convert::minari_id(&out);
-    if kept.demonstrations.source.format == Format::MinariHdf5 {
-        undisturbed(|| minari::write_subset(&out, &kept.demonstrations.path, &labels(kept), &name))?;
-    } else {
-        let (episodes, _) = convert::chosen(&kept.demonstrations.source, None, &kept.ids)?;
-        undisturbed(|| minari::write(&out, &episodes, &name))?;
-    }
+    let Demonstrations { source, path, said, .. } = &kept.demonstrations;
+    let (episodes, _) = convert::chosen(source, None, &kept.ids)?;
+    let bounds = demonstrations::action_bounds(source, said);
+    undisturbed(|| {
+        match source.format {
+            Format::MinariHdf5 => minari::write_subset(&out, path, &labels(kept), &name),
+            _ => minari::write(&out, &episodes, &name, bounds.as_deref()),
+        }?;
+        demonstrations::hand_on(said, &out)
+    })?;
     written(kept, &out)
 }
 
@@ -103,7 +110,7 @@ fn open(arguments: &ExportArguments) -> Result<Kept> {
     let data = identity.data.clone().ok_or_else(|| {
         Error::bad_input("this run has no demonstrations; wanted one of sift or select").at(run)
     })?;
-    let demonstrations = demonstrations::open(None, &SetArguments::default(), Some(&data))?;
+    let demonstrations = demonstrations::open(None, &SetArguments::default(), Some(&data), None)?;
     let found = demonstrations.data()?.sha256;
     if found != data.sha256 {
         return Err(Error::bad_input(format!(

@@ -1,18 +1,25 @@
 //! `demosift inspect`: what a file of demonstrations holds, and whether one could learn from it.
 
+use std::path::Path;
+
 use demosift::Result;
 use demosift::data::demonstration::choice;
+use demosift::data::demonstration::episode::Source;
 use demosift::data::demonstration::inspection::{self, Inspection, Look, Spread};
 use demosift::data::demonstration::listing::{ColumnSeen, Used};
 use demosift::data::demonstration::open;
 use demosift::run::experiment;
+use demosift_mujoco::check::{Finding, Severity};
 
+use super::task::{mended, told};
 use crate::answers;
 use crate::arguments::InspectArguments;
-use crate::demonstrations::{self, Opened};
+use crate::demonstrations::{self, Opened, Said};
+use crate::fit::{self, Held};
 use crate::report::looks;
 use crate::report::page::name_of_set;
 use crate::tables::{table, wrapped};
+use crate::task::Chosen;
 use crate::{task, terminal};
 
 /// Episodes and columns that are shown one by one before only the odd ones are.
@@ -22,23 +29,24 @@ const MOST_ODD: usize = 40;
 
 pub(crate) fn run(arguments: &InspectArguments) -> Result<()> {
     let chosen = arguments.task.as_deref().map(task::choose).transpose()?;
-    let Opened { source, path, .. } =
+    let mut opened =
         demonstrations::open_unchecked(Some(&arguments.demonstrations), &arguments.source, None)?;
-    let seen = inspection::inspect(&source);
-    let looks = inspection::looks(&source);
+    match opened.read_for(chosen.as_ref()) {
+        // Without a task the numbers are shown as they were recorded.
+        Err(error) if chosen.is_none() && error.hint().is_some() => terminal::note(&error.to_string()),
+        read => read?,
+    }
+    let Opened { source, path, said, .. } = opened;
+    let converted = source.converted();
+    let seen = inspection::inspect(&converted);
+    let looks = inspection::looks(&converted);
     let held = open::columns(&path, &source).unwrap_or_default();
     let set = source.set();
-    let fits = chosen.as_ref().map(|chosen| {
-        let specification = chosen.task.specification();
-        match &set {
-            Ok(set) => experiment::check_fits(set, specification).map_err(|error| error.to_string()),
-            Err(_) => Err("the set is not fit to learn from".to_owned()),
-        }
-    });
+    let fits = chosen.as_ref().map(|chosen| fits(chosen, &source, &said, &path)).transpose()?;
     let wrong = set.as_ref().err().map(ToString::to_string);
     let way = set.as_ref().err().and_then(demosift::Error::hint);
     if let Some(page) = &arguments.html {
-        let fits = fits.as_ref().zip(arguments.task.as_ref()).map(|(fits, task)| fits_in_words(fits, task));
+        let fits = fits.as_ref().zip(arguments.task.as_ref()).map(|(fits, task)| fits.in_words(task));
         let made = looks::Made {
             demosift: env!("CARGO_PKG_VERSION"),
             set: name_of_set(&path),
@@ -62,11 +70,9 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<()> {
             why_not: wrong.as_deref(),
             way_out: way,
             task: arguments.task.as_deref(),
-            fits_task: fits.as_ref().map(std::result::Result::is_ok),
-            why_it_does_not_fit: fits
-                .as_ref()
-                .and_then(|fits| fits.as_ref().err())
-                .map(std::string::String::as_str),
+            fits_task: fits.as_ref().map(|fits| fits.why_not.is_none()),
+            why_it_does_not_fit: fits.as_ref().and_then(|fits| fits.why_not.as_deref()),
+            findings: fits.as_ref().map_or(&[], |fits| &fits.findings),
         });
         return Ok(());
     }
@@ -80,7 +86,16 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<()> {
         way.iter().for_each(|way| terminal::show(&format!("What can be done: {way}\n")));
     }
     if let (Some(fits), Some(task)) = (fits, &arguments.task) {
-        terminal::show(&format!("\n{}\n", fits_in_words(&fits, task)));
+        if !fits.findings.is_empty() {
+            terminal::show(&told(&fits.findings));
+        }
+        terminal::show(&match fits.why_not {
+            Some(_) if !fits.findings.is_empty() => {
+                format!("\nIt does not fit the task '{task}': see ERROR above.\n")
+            }
+            _ => format!("\n{}\n", fits.in_words(task)),
+        });
+        terminal::show(&mended(&fits.findings, &said));
     }
     if let Some(page) = &arguments.html {
         terminal::show(&format!("\nPage: {}\n", page.display()));
@@ -88,11 +103,31 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<()> {
     Ok(())
 }
 
-fn fits_in_words(fits: &std::result::Result<(), String>, task: &str) -> String {
-    match fits {
-        Ok(()) => format!("It fits the task '{task}'."),
-        Err(why) => format!("It does not fit the task '{task}': {why}."),
+/// Whether a set fits a task, and what was found out.
+struct Fits {
+    why_not: Option<String>,
+    findings: Vec<Finding>,
+}
+
+impl Fits {
+    fn in_words(&self, task: &str) -> String {
+        match &self.why_not {
+            None => format!("It fits the task '{task}'."),
+            Some(why) => format!("It does not fit the task '{task}': {why}."),
+        }
     }
+}
+
+fn fits(chosen: &Chosen, source: &Source, said: &Said, path: &Path) -> Result<Fits> {
+    let no = |why: String| Ok(Fits { why_not: Some(why), findings: Vec::new() });
+    let Ok(set) = source.set() else { return no("the set is not fit to learn from".to_owned()) };
+    if let Err(error) = experiment::check_fits(&set, chosen.task.specification()) {
+        return no(error.to_string());
+    }
+    let findings = fit::findings(chosen, &Held::of(source, said, path)?)?;
+    let errors = findings.iter().filter(|finding| finding.severity == Severity::Error);
+    let why: Vec<&str> = errors.map(|finding| finding.message.as_str()).collect();
+    Ok(Fits { why_not: (!why.is_empty()).then(|| why.join("; ")), findings })
 }
 
 fn summary(seen: &Inspection) -> String {

@@ -134,7 +134,7 @@ pub(crate) fn read_policy(path: &Path, specification: &Specification) -> Result<
 fn replay(chosen: &Chosen, data: &Path, arguments: &PlayArguments) -> Result<Vec<Episode>> {
     let task = in_mujoco(chosen, "replay")?;
     let Demonstrations { set, source, path, .. } =
-        &demonstrations::open(Some(data), &SetArguments::of(&arguments.storage), None)?;
+        &demonstrations::open(Some(data), &SetArguments::of(&arguments.storage), None, Some(chosen))?;
     let states = demonstration::open::read_states(path, Some(source.format))?.ok_or_else(|| {
         let what = "the set holds no states of the simulator, 'infos/qpos' and 'infos/qvel', to replay from";
         Error::bad_input(what).at(path).with_hint(

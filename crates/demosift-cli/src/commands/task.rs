@@ -1,19 +1,21 @@
 //! `demosift task check`: what a task is made of, whether it can be learned in, and whether demonstrations fit it.
 
+mod new;
+
 use std::path::Path;
 use std::time::Instant;
 
 use demosift::basics::seed::Seed;
-use demosift::data::demonstration::{self, Demonstration};
-use demosift::data::trajectory::StateLog;
 use demosift::{Error, Result};
 use demosift_mujoco::check::{
     self, Actuator, Compared, Finding, Part, Range, Recorded, Seen, Severity, StatesFrom, Tried,
 };
+use demosift_mujoco::mujoco_task::MujocoTask;
 
 use crate::answers;
 use crate::arguments::{SetArguments, TaskCheckArguments, TaskCommand};
-use crate::demonstrations::{self, Opened};
+use crate::demonstrations::{self, Opened, Said};
+use crate::fit::{self, Held};
 use crate::tables::{self, Scale, table, wrapped};
 use crate::task::{self, Chosen};
 use crate::terminal;
@@ -29,48 +31,53 @@ const LEGEND: &str = "Misses: the share of a step's change that an action, taken
 pub(crate) fn run(command: &TaskCommand) -> Result<()> {
     match command {
         TaskCommand::Check(arguments) => check(arguments),
+        TaskCommand::New(arguments) => new::run(arguments),
     }
 }
 
 fn check(arguments: &TaskCheckArguments) -> Result<()> {
-    let Chosen { mujoco, name, .. } = task::choose(&arguments.task)?;
-    let Some(task) = mujoco else {
-        return Err(Error::bad_input(format!("the task '{name}' has no model that could be checked"))
-            .with_hint("give the path of a folder with a task.toml, or another one of `demosift tasks`"));
+    let chosen = task::choose(&arguments.task)?;
+    let Some(task) = &chosen.mujoco else {
+        return Err(Error::bad_input(format!(
+            "the task '{}' has no model that could be checked",
+            chosen.name
+        ))
+        .with_hint("give the path of a folder with a task.toml, or another one of `demosift tasks`"));
     };
-    let (seen, mut findings) = check::look(&task);
+    let (seen, mut findings) = check::look(task);
     let start = Instant::now();
-    let (played, more) = check::play(&task, &Seed::new(arguments.seed))?;
+    let (played, more) = check::play(task, &Seed::new(arguments.seed))?;
     let steps_per_sec = played.steps_per_sec(start.elapsed().as_secs_f64());
     findings.extend(more);
-    let mut recorded = None;
+    let mut against = None;
     if let Some(data) = &arguments.data {
-        match read(data, &arguments.storage) {
-            Ok((set, states)) => {
-                let (compared, more) = check::compare(&task, &set, states.as_deref())?;
-                findings.extend(more);
-                recorded = Some(compared);
-            }
+        match held_against(task, &chosen, data, &arguments.storage) {
+            Ok(held) => against = Some(held),
             // What was found of the task holds all the same.
             Err(error) => findings.push(unreadable(&error)),
         }
     }
+    findings.extend(against.iter_mut().flat_map(|against| std::mem::take(&mut against.findings)));
+    let recorded = against.as_ref().map(|against| &against.recorded);
     findings.sort_by_key(|finding| finding.severity);
     if arguments.json {
         terminal::show_json(&answers::TaskCheck {
             task: &seen,
             played: &played,
             steps_per_sec,
-            recorded: recorded.as_ref(),
+            recorded,
             findings: &findings,
         });
     } else {
         terminal::show(&summary(&seen));
         terminal::show(&under_random_actions(&seen, &played, steps_per_sec));
-        if let Some(recorded) = &recorded {
+        if let Some(recorded) = recorded {
             terminal::show(&under_recorded_actions(&seen, recorded));
         }
         terminal::show(&told(&findings));
+        if let Some(Against { said, .. }) = &against {
+            terminal::show(&mended(&findings, said));
+        }
     }
     match check::count(&findings, Severity::Error) {
         0 => Ok(()),
@@ -82,16 +89,22 @@ fn check(arguments: &TaskCheckArguments) -> Result<()> {
     }
 }
 
-/// The demonstrations of a set, of which one is enough, and the simulator's states of each where it holds them.
-fn read(data: &Path, how: &SetArguments) -> Result<(Vec<Demonstration>, Option<Vec<StateLog>>)> {
-    let Opened { source, path, .. } = demonstrations::open_unchecked(Some(data), how, None)?;
-    let set = source.demonstrations().map_err(|error| error.at(&path))?;
+/// A set that was held against the task.
+struct Against {
+    recorded: Recorded,
+    findings: Vec<Finding>,
+    said: Said,
+}
+
+/// Holds the demonstrations of a set, of which one is enough, against the task.
+fn held_against(task: &MujocoTask, chosen: &Chosen, data: &Path, how: &SetArguments) -> Result<Against> {
+    let mut opened = demonstrations::open_unchecked(Some(data), how, None)?;
+    opened.read_for(Some(chosen))?;
+    let Opened { source, path, said, .. } = opened;
+    let held = Held::of(&source, &said, &path).map_err(|error| error.at(&path))?;
     demonstrations::say_what_is_not_read(&source);
-    let Some(states) = demonstration::open::read_states(&path, Some(source.format))? else {
-        return Ok((set, None));
-    };
-    let states = source.ids.iter().map(|&demo| demonstrations::states_of(&states, demo).cloned());
-    Ok((set, Some(states.collect::<Result<_>>()?)))
+    let (recorded, findings) = check::compare_presented(task, &held.presented())?;
+    Ok(Against { recorded, findings, said })
 }
 
 fn unreadable(error: &Error) -> Finding {
@@ -99,6 +112,7 @@ fn unreadable(error: &Error) -> Finding {
         severity: Severity::Error,
         message: format!("the demonstrations cannot be read: {error}"),
         advice: error.hint().map(str::to_owned),
+        lines: None,
     }
 }
 
@@ -304,7 +318,16 @@ fn row_of(id: usize, one: &Compared, scale: Scale<'_>, shown: Shown) -> Vec<Stri
     row
 }
 
-fn told(findings: &[Finding]) -> String {
+/// The lines of a set.toml that would mend what was found, and where they go.
+pub(super) fn mended(findings: &[Finding], said: &Said) -> String {
+    match fit::lines(findings) {
+        lines if lines.is_empty() => String::new(),
+        lines => format!("\nTo mend the set, {}\n", fit::where_to_write(&lines, said)),
+    }
+}
+
+/// All findings, each with what can be done.
+pub(super) fn told(findings: &[Finding]) -> String {
     let lines = findings.iter().map(|finding| {
         let severity = match finding.severity {
             Severity::Error => "ERROR",

@@ -1,10 +1,13 @@
 //! Whether recorded observations are what the task would have observed in the recorded states, and if not, what they are.
 
 use demosift::Result;
+use demosift::data::demonstration::set_file::{Ranges, SetFile};
 use demosift::data::trajectory::StateLog;
 use demosift::math::rows::Rows;
 use demosift::world::environment::Task as _;
 
+use super::naming::{self, Side};
+use super::needed::{Line, straight};
 use super::{Finding, first_few, in_first, looked_at};
 use crate::model::Joint;
 use crate::mujoco_task::MujocoTask;
@@ -31,20 +34,23 @@ struct Made {
 /// A recorded episode with its states.
 #[derive(Clone, Copy)]
 pub(super) struct Episode<'a> {
+    /// As the set is read, `[T, obs]`.
     pub(super) observations: &'a Rows,
+    /// As it was recorded, `[T, recorded]`: what a set.toml speaks of.
+    pub(super) recorded: &'a Rows,
     pub(super) states: &'a StateLog,
 }
 
 /// Holds recorded observations, `[T, obs]`, against what the task observes in the recorded states.
 ///
-/// Of a large set only the first steps are looked at, as every column is held in memory several times.
+/// Of a large set only the first steps are looked at, `most` together, as every column is held in memory several times.
 /// Contact wrenches are left out: they are of the physics step before the state, which no recording holds.
 ///
 /// # Errors
 /// `is_bad_input` if the states are not of the task's model.
-pub(super) fn compare(task: &MujocoTask, episodes: &[Episode<'_>]) -> Result<Vec<Finding>> {
-    let each = looked_at(episodes.iter().map(|episode| episode.observations.len()));
-    let recorded = columns_of(episodes, each);
+pub(super) fn compare(task: &MujocoTask, episodes: &[Episode<'_>], most: usize) -> Result<Finding> {
+    let each = looked_at(episodes.iter().map(|episode| episode.observations.len()), most);
+    let recorded = columns_of(episodes, each, |episode| episode.observations);
     let made = make(task, episodes, each)?;
     let fits = recorded.len() == made.observed.len();
     let pairs = recorded.iter().zip(&made.observed).enumerate();
@@ -59,20 +65,62 @@ pub(super) fn compare(task: &MujocoTask, episodes: &[Episode<'_>]) -> Result<Vec
         let unknown = made.observed.len() - known;
         let rest =
             if unknown == 0 { String::new() } else { format!(" (but for {unknown} of contact wrenches)") };
-        return Ok(vec![Finding::fine(format!(
+        return Ok(Finding::fine(format!(
             "the recorded observations are what the task observes in the recorded states, number by number{rest}{}",
             in_first(each)
-        ))]);
+        )));
     }
     let all: Vec<usize> = (0..recorded.len()).collect();
     let asked = if fits { &wrong } else { &all };
-    let mut finding = explain(&recorded, &made, asked, fits);
+    let mend = mend(task, &columns_of(episodes, each, |episode| episode.recorded), &made);
+    let mut finding = explain(&recorded, &made, Asked { columns: asked, fits, mended: mend.is_some() });
     finding.message += &in_first(each);
-    Ok(vec![finding])
+    Ok(finding.mended_by(mend))
+}
+
+/// Which columns are wrong, and what is known of the set.
+#[derive(Clone, Copy)]
+struct Asked<'a> {
+    columns: &'a [usize],
+    /// Whether a recorded observation has as many numbers as one of the task.
+    fits: bool,
+    /// Whether a set.toml makes all of them right.
+    mended: bool,
+}
+
+/// What a set.toml would have to say of the observations; `None` if that does not make all numbers right.
+fn mend(task: &MujocoTask, recorded: &[Column], made: &Made) -> Option<SetFile> {
+    let line = |(at, made): (usize, &Option<Column>)| {
+        let own = Line { from: at, factor: 1.0, shift: 0.0 };
+        let Some(made) = made else { return (at < recorded.len()).then_some(own) };
+        if recorded.get(at).is_some_and(|recorded| same(&recorded.values, &made.values)) {
+            return Some(own);
+        }
+        let through = |from: usize| {
+            let column = &recorded[from];
+            let points: Vec<(f64, f64)> =
+                column.values.iter().copied().zip(made.values.iter().copied()).collect();
+            let line = straight(&points)?;
+            let read: Vec<f64> = points.iter().map(|(x, _)| line.factor * x + line.shift).collect();
+            same(&read, &made.values).then_some(Line { from, factor: line.factor, shift: line.shift })
+        };
+        // Its own place goes before any other.
+        let others = (0..recorded.len()).filter(|from| *from != at);
+        (at < recorded.len()).then_some(at).into_iter().chain(others).find_map(through)
+    };
+    let lines: Vec<Line> = made.observed.iter().enumerate().map(line).collect::<Option<_>>()?;
+    let is_twice = |at: usize| lines[..at].iter().any(|line| line.from == lines[at].from);
+    if (0..lines.len()).any(is_twice) {
+        return None;
+    }
+    let ranges = task.observation_ranges();
+    let ranges = Ranges { controls: &task.specification().control_ranges, observations: &ranges };
+    Some(Side::Observations.file(naming::name(&lines, recorded.len(), Side::Observations, ranges)))
 }
 
 /// What is wrong with the columns `asked`, and what they seem to be.
-fn explain(recorded: &[Column], made: &Made, asked: &[usize], fits: bool) -> Finding {
+fn explain(recorded: &[Column], made: &Made, asked: Asked<'_>) -> Finding {
+    let Asked { columns: asked, fits, mended } = asked;
     let what = if fits {
         let names = asked.iter().map(|&column| {
             let name = made.observed[column].as_ref().map_or("", |made| made.name.as_str());
@@ -102,13 +150,18 @@ fn explain(recorded: &[Column], made: &Made, asked: &[usize], fits: bool) -> Fin
     let advice = if fits && count > 0 && next * 2 > count {
         "the recorded observations seem to be those after the action; an observation belongs before the action taken on it"
             .to_owned()
+    } else if known.is_empty() && mended {
+        "they are numbers that the task observes, in other units or places; set.toml can say so".to_owned()
     } else if known.is_empty() {
         "none of them is a position, a velocity or another number that the model tells; see in what order and unit they \
          were recorded"
             .to_owned()
+    } else if mended {
+        format!("in the recording {}; set.toml can say so", first_few(&known))
     } else {
         format!(
-            "in the recording {}; put the parts of `observation` into that order, or name the set's columns with --observation-columns",
+            "in the recording {}; say so in set.toml (order, sign, units, scale), put the parts of `observation` into that \
+             order, or name the set's columns with --observation-columns",
             first_few(&known)
         )
     };
@@ -167,10 +220,14 @@ fn head<T>(rows: impl Iterator<Item = T>, each: Option<usize>) -> impl Iterator<
     rows.take(each.unwrap_or(usize::MAX))
 }
 
-fn columns_of(episodes: &[Episode<'_>], each: Option<usize>) -> Vec<Column> {
-    let width = episodes.first().map_or(0, |episode| episode.observations.width());
+fn columns_of<'a>(
+    episodes: &[Episode<'a>],
+    each: Option<usize>,
+    rows: fn(&Episode<'a>) -> &'a Rows,
+) -> Vec<Column> {
+    let width = episodes.first().map_or(0, |episode| rows(episode).width());
     let values = |column: usize| {
-        let rows = episodes.iter().flat_map(|episode| head(episode.observations.iter(), each));
+        let rows = episodes.iter().flat_map(|episode| head(rows(episode).iter(), each));
         rows.map(|row| f64::from(row[column])).collect()
     };
     (0..width).map(|column| Column { name: format!("number {column}"), values: values(column) }).collect()

@@ -8,8 +8,9 @@ use demosift::data::trajectory::StateLog;
 use demosift::math::rows::Rows;
 use serde::Serialize;
 
+use super::explained::{Explained, percent_missed};
 use super::known::{Known, Numbers};
-use super::{Finding, in_first, looked_at};
+use super::{Finding, LOOKED_AT, in_first, looked_at};
 use crate::environment::MujocoEnvironment;
 
 /// Positions of a replay may differ by this much, rad or m, before it counts as having left the recording.
@@ -62,12 +63,13 @@ pub(super) struct Missed {
 impl Taken {
     /// As the environment takes actions.
     fn by(environment: &MujocoEnvironment) -> Self {
-        Self { physics_steps: environment.task().frame_skip, shift: 0, as_controls: false }
+        Self { physics_steps: environment.task().frame_skip, shift: 0 }
     }
 }
 
 impl Episode<'_> {
-    fn state(&self, step: usize, environment: &MujocoEnvironment) -> (&[f64], &[f64]) {
+    /// Its state at a step, `[nq]` and `[nv]`.
+    pub(super) fn state(&self, step: usize, environment: &MujocoEnvironment) -> (&[f64], &[f64]) {
         let (nq, nv) = (environment.qpos().len(), environment.qvel().len());
         (&self.states.qpos[step * nq..][..nq], &self.states.qvel[step * nv..][..nv])
     }
@@ -85,8 +87,6 @@ struct Taken {
     physics_steps: u32,
     /// Which action leads from a state to the next: that of the state plus this.
     shift: isize,
-    /// Whether recorded actions are controls, not yet scaled to [−1, 1].
-    as_controls: bool,
 }
 
 /// Replays all actions from the first recorded state; `None` where that is not wholly known.
@@ -139,7 +139,7 @@ pub(super) fn misses(
 }
 
 fn first_steps(episodes: &[Episode<'_>]) -> Option<usize> {
-    looked_at(episodes.iter().map(|episode| episode.actions.len()))
+    looked_at(episodes.iter().map(|episode| episode.actions.len()), LOOKED_AT)
 }
 
 /// Positions that stand still while velocities do not, or the other way round: one of the two was not recorded.
@@ -171,7 +171,20 @@ pub(super) fn not_recorded(environment: &MujocoEnvironment, episodes: &[Episode<
         .collect()
 }
 
-/// Whether actions lead to the recorded states, and if not, why; `misses` are those of the episodes, in order.
+/// What a typical step of episodes misses, if any of their states is known.
+///
+/// # Errors
+/// As [`misses`].
+pub(super) fn typically_missed(
+    environment: &mut MujocoEnvironment,
+    episodes: &[Episode<'_>],
+) -> Result<Option<f64>> {
+    let taken = Taken::by(environment);
+    Ok(missed(environment, episodes, taken, usize::MAX)?.map(|missed| missed.typical))
+}
+
+/// Whether actions lead to the recorded states, and if not, why; `misses` are those of the episodes, in order, and `units` what
+/// is wrong with their numbers, if that explains it.
 ///
 /// What a typical step misses decides, since the same robot recorded with older contacts misses much in the few steps in
 /// which it lands, the more the wilder it moves.
@@ -182,6 +195,7 @@ pub(super) fn judge(
     environment: &mut MujocoEnvironment,
     episodes: &[Episode<'_>],
     misses: &[Option<Missed>],
+    units: Option<Explained>,
 ) -> Result<Option<Finding>> {
     let known: Vec<Missed> = misses.iter().flatten().copied().collect();
     if known.is_empty() {
@@ -220,23 +234,33 @@ pub(super) fn judge(
         format!("{} of {} demonstrations ({})", wrong.len(), known.len(), super::first_few(&ids))
     };
     let odd: Vec<Episode<'_>> = wrong.iter().map(|id| episodes[*id]).collect();
-    let explained = explanation(environment, &odd)?;
+    let other = explanation(environment, &odd)?;
+    // Of two explanations that leave hardly anything, that which can be mended.
+    let explained = match (units.filter(|_| all_are), other) {
+        (Some(units), Some(other)) if !is_same_physics(units.missed) && other.missed < units.missed => {
+            Some(other)
+        }
+        (units, other) => units.or(other),
+    };
     let least =
         wrong.iter().filter_map(|id| misses[*id]).map(|missed| missed.typical).fold(f64::INFINITY, f64::min);
     let how =
         if explained.is_none() && typical <= OTHER_CONTACTS { "lead only nearly" } else { "do not lead" };
     let message = format!(
         "the actions of {whose} {how} to the next recorded state: a typical step misses {} of its change{first}",
-        if least == typical {
+        if percent_missed(least) == percent_missed(typical) {
             percent_missed(typical)
         } else {
             format!("{} to {}", percent_missed(least), percent_missed(typical))
         }
     );
-    let is_explained = explained.is_some();
-    let advice = explained.unwrap_or_else(|| what_it_may_be(typical, least, all_are).to_owned());
-    let is_other = all_are && (is_explained && typical > OTHER_CONTACTS || least > OTHER_PHYSICS);
-    Ok(Some(if is_other { Finding::error(message, advice) } else { Finding::warning(message, advice) }))
+    let is_other = all_are && (explained.is_some() && typical > OTHER_CONTACTS || least > OTHER_PHYSICS);
+    let advice = match &explained {
+        Some(explained) => explained.in_words(),
+        None => what_it_may_be(typical, least, all_are).to_owned(),
+    };
+    let finding = if is_other { Finding::error(message, advice) } else { Finding::warning(message, advice) };
+    Ok(Some(finding.mended_by(explained.and_then(|explained| explained.mend))))
 }
 
 /// What may be behind shares of typical steps that are missed, of the demonstrations that miss some.
@@ -259,18 +283,18 @@ fn largest(shares: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// Whether what is missed of a typical step can be put down to what no recording holds.
-fn is_same_physics(missed: f64) -> bool {
+pub(super) fn is_same_physics(missed: f64) -> bool {
     missed <= SAME_PHYSICS
+}
+
+/// Whether no contacts explain what is missed of a typical step.
+pub(super) fn is_other_physics(missed: f64) -> bool {
+    missed > OTHER_PHYSICS
 }
 
 /// Whether it can be put down to that or to another version of the engine.
 pub(super) fn is_same_body(missed: f64) -> bool {
     missed <= OTHER_CONTACTS
-}
-
-/// A share with a decimal; what is many times over says no more with all its digits.
-pub fn percent_missed(share: f64) -> String {
-    if share <= 10.0 { format!("{:.1} %", share * 100.0) } else { "over 1000 %".to_owned() }
 }
 
 /// What is missed of the change of a step, and the change, each as a distance.
@@ -304,7 +328,7 @@ fn missed(
                 break;
             }
             environment.set_state(qpos, qvel).map_err(|error| error.during(&format!("step {step}")))?;
-            environment.push(&action(environment, episode.actions.row(number), taken), taken.physics_steps);
+            environment.push(episode.actions.row(number), taken.physics_steps);
             let (next_qpos, next_qvel) = episode.state(step + 1, environment);
             let distance = |a: &[f64], b: &[f64], numbers| episode.distance(a, b, numbers);
             for (to, (numbers, now, before, after)) in steps.iter_mut().zip([
@@ -341,47 +365,62 @@ fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
     (sum / f64::from(count.max(1))).sqrt()
 }
 
-/// The action to take in this environment for what was recorded.
-fn action(environment: &MujocoEnvironment, recorded: &[f32], taken: Taken) -> Vec<f32> {
-    if !taken.as_controls {
-        return recorded.to_vec();
-    }
-    let controls = environment.task().controls.iter().zip(recorded);
-    controls
-        .map(|(control, value)| ((f64::from(*value) - control.middle) / control.half_range) as f32)
-        .collect()
-}
-
-/// What would make the recorded actions lead to the recorded states, if something that is tried does.
-fn explanation(environment: &mut MujocoEnvironment, episodes: &[Episode<'_>]) -> Result<Option<String>> {
+/// What would make the recorded actions lead to the recorded states, if another time does: actions that are late or early, or
+/// another frame skip.
+///
+/// # Errors
+/// As [`misses`].
+fn explanation(environment: &mut MujocoEnvironment, episodes: &[Episode<'_>]) -> Result<Option<Explained>> {
     let as_it_is = Taken::by(environment);
-    let timestep = environment.model().timestep_secs();
-    let Some(missed_now) = missed(environment, episodes, as_it_is, TRIED)? else { return Ok(None) };
     let late = "an action belongs to the state that it was taken in";
     let mut tried = vec![
         (Taken { shift: 1, ..as_it_is }, format!("the recording has each action one step late: {late}")),
         (Taken { shift: -1, ..as_it_is }, format!("the recording has each action one step early: {late}")),
-        (
-            Taken { as_controls: true, ..as_it_is },
-            "the recorded actions are controls in the units of ctrlrange: scale them to [-1, 1], or set ctrlrange to the \
-             range that was meant"
-                .to_owned(),
-        ),
     ];
-    tried.extend((1..=SKIPS).filter(|skip| *skip != as_it_is.physics_steps).map(|skip| {
+    tried.extend(other_skips(environment));
+    best_of(environment, episodes, tried)
+}
+
+/// The frame skip that makes the recorded actions lead to the recorded states, if another one does.
+///
+/// # Errors
+/// As [`misses`].
+pub(super) fn other_skip(
+    environment: &mut MujocoEnvironment,
+    episodes: &[Episode<'_>],
+) -> Result<Option<Explained>> {
+    let tried = other_skips(environment);
+    best_of(environment, episodes, tried)
+}
+
+fn other_skips(environment: &MujocoEnvironment) -> Vec<(Taken, String)> {
+    let as_it_is = Taken::by(environment);
+    let timestep = environment.model().timestep_secs();
+    let others = (1..=SKIPS).filter(|skip| *skip != as_it_is.physics_steps);
+    let all = others.map(|skip| {
         let step = f64::from(skip) * timestep;
         let words = format!("it was recorded with frame_skip = {skip}, a control step of {step:.4} s");
         (Taken { physics_steps: skip, ..as_it_is }, words)
-    }));
-    let mut best: Option<(f64, String)> = None;
+    });
+    all.collect()
+}
+
+/// What explains most, if it explains enough: little is left of what is missed, and no more than contacts explain.
+fn best_of(
+    environment: &mut MujocoEnvironment,
+    episodes: &[Episode<'_>],
+    tried: Vec<(Taken, String)>,
+) -> Result<Option<Explained>> {
+    let as_it_is = Taken::by(environment);
+    let Some(missed_now) = missed(environment, episodes, as_it_is, TRIED)? else { return Ok(None) };
+    let mut best: Option<Explained> = None;
     for (taken, words) in tried {
         let Some(missed) = missed(environment, episodes, taken, TRIED)? else { continue };
         let missed = missed.typical;
-        if missed < EXPLAINED * missed_now.typical && best.as_ref().is_none_or(|(least, _)| missed < *least) {
-            best = Some((missed, words));
+        let is_enough = missed < EXPLAINED * missed_now.typical && is_same_body(missed);
+        if is_enough && best.as_ref().is_none_or(|best| missed < best.missed) {
+            best = Some(Explained { words, missed, mend: None });
         }
     }
-    Ok(best.map(|(missed, words)| {
-        format!("it seems that {words} (then a typical step misses {})", percent_missed(missed))
-    }))
+    Ok(best)
 }

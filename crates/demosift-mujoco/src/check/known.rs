@@ -102,6 +102,19 @@ impl Known {
     }
 }
 
+impl Clipping {
+    /// What the task says, whatever the numbers show.
+    pub(super) fn by_task(task: &MujocoTask) -> Self {
+        let ranges = task.blueprint().observation.iter().map(|reading| reading.clip.map(as_recorded));
+        Self { ranges: ranges.collect(), findings: Vec::new() }
+    }
+}
+
+/// The numbers were recorded as f32.
+fn as_recorded(range: Interval) -> Interval {
+    Interval { low: f64::from(range.low as f32), high: f64::from(range.high as f32) }
+}
+
 /// What each part of recorded observations is clipped to: what the task says, or what the numbers themselves show.
 pub(super) fn clipping(task: &MujocoTask, set: &[Demonstration]) -> Clipping {
     let mut clipping = Clipping::default();
@@ -132,11 +145,6 @@ pub(super) fn clipping(task: &MujocoTask, set: &[Demonstration]) -> Clipping {
                 ),
             ));
         }
-        // The numbers were recorded as f32.
-        let as_recorded = |range: Interval| Interval {
-            low: f64::from(range.low as f32),
-            high: f64::from(range.high as f32),
-        };
         clipping.ranges.push(reading.clip.or(shown).map(as_recorded));
     }
     clipping

@@ -8,18 +8,29 @@
 mod columns;
 mod comparison;
 mod dynamics;
+mod explained;
+mod fit;
 mod known;
 mod lengths;
+mod mending;
+mod naming;
+mod needed;
 mod play;
+mod presented;
+mod reach;
 mod recorded;
 mod seen;
 
+use demosift::data::demonstration::set_file::SetFile;
 use serde::Serialize;
 
 pub use comparison::{Compared, Recorded, StatesFrom};
-pub use dynamics::{Drift, percent_missed};
+pub use dynamics::Drift;
+pub use explained::percent_missed;
+pub use fit::fit;
 pub use play::{Range, Tried, play};
-pub use recorded::compare;
+pub use presented::Presented;
+pub use recorded::{compare, compare_presented};
 pub use seen::{Actuator, Measured, Part, Seen, look};
 
 /// How bad a finding is.
@@ -43,19 +54,32 @@ pub struct Finding {
     pub message: String,
     /// What to do about it; `None` where nothing is to be done.
     pub advice: Option<String>,
+    /// Lines of the set's `set.toml` that would mend it, where such do.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lines: Option<String>,
 }
 
 impl Finding {
     fn error(message: impl Into<String>, advice: impl Into<String>) -> Self {
-        Self { severity: Severity::Error, message: message.into(), advice: Some(advice.into()) }
+        Self { severity: Severity::Error, message: message.into(), advice: Some(advice.into()), lines: None }
     }
 
     fn warning(message: impl Into<String>, advice: impl Into<String>) -> Self {
-        Self { severity: Severity::Warning, message: message.into(), advice: Some(advice.into()) }
+        Self {
+            severity: Severity::Warning,
+            message: message.into(),
+            advice: Some(advice.into()),
+            lines: None,
+        }
+    }
+
+    /// The same with what the set's `set.toml` would have to say.
+    fn mended_by(self, file: Option<SetFile>) -> Self {
+        Self { lines: file.map(|file| file.to_string()), ..self }
     }
 
     fn fine(message: impl Into<String>) -> Self {
-        Self { severity: Severity::Fine, message: message.into(), advice: None }
+        Self { severity: Severity::Fine, message: message.into(), advice: None, lines: None }
     }
 }
 
@@ -67,10 +91,11 @@ pub fn count(findings: &[Finding], severity: Severity) -> usize {
 /// Steps of a set that are looked at one by one: a recording that is wrong is so from its beginning.
 const LOOKED_AT: usize = 20_000;
 
-/// How many steps of each demonstration are looked at, evenly over all; `None` if all of them are.
-fn looked_at(lengths: impl ExactSizeIterator<Item = usize>) -> Option<usize> {
+/// How many steps of each demonstration are looked at, evenly over all, so that they are `most` together; `None` if all of them
+/// are.
+fn looked_at(lengths: impl ExactSizeIterator<Item = usize>, most: usize) -> Option<usize> {
     let count = lengths.len();
-    (lengths.sum::<usize>() > LOOKED_AT).then(|| (LOOKED_AT / count).max(1))
+    (lengths.sum::<usize>() > most).then(|| (most / count).max(1))
 }
 
 /// What a finding says of that, such as ` (of the first 2 steps of each demonstration)`.

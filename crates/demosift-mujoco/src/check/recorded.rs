@@ -7,8 +7,11 @@ use demosift::world::environment::Task as _;
 use demosift::world::heuristic::Score;
 
 use super::comparison::{Compared, Recorded, StatesFrom};
+use super::explained::Explained;
+use super::fit::{self, Physics};
 use super::known::{self, Known};
-use super::{Finding, Severity, columns, dynamics, lengths, several};
+use super::presented::Presented;
+use super::{Finding, LOOKED_AT, Severity, columns, dynamics, lengths, mending, several};
 use crate::mujoco_task::MujocoTask;
 use crate::replay;
 
@@ -21,6 +24,15 @@ pub fn compare(
     set: &[Demonstration],
     states: Option<&[StateLog]>,
 ) -> Result<(Recorded, Vec<Finding>)> {
+    compare_presented(task, &Presented::plain(set, states))
+}
+
+/// The same with what the set and the user say of its numbers.
+///
+/// # Errors
+/// As [`compare`].
+pub fn compare_presented(task: &MujocoTask, presented: &Presented<'_>) -> Result<(Recorded, Vec<Finding>)> {
+    let Presented { set, states, .. } = *presented;
     let specification = task.specification();
     let compared = set.iter().map(|demonstration| {
         let numbers = demonstration.actions().flat();
@@ -64,14 +76,19 @@ pub fn compare(
                 "record `qpos` and `qvel` beside the observations, if you can: docs/formats.md says where",
             ));
             findings.extend(sizes(task, set, false));
-            findings.push(actions(set, &recorded));
+            findings.extend(beside(task, presented, &Physics::default()));
             return Ok((recorded, findings));
         }
     };
-    match replay_all(task, set, Replayed { states, known: &known }, &mut recorded) {
-        Ok(more) => {
+    let replayed = Replayed { states, known: &known };
+    let mut physics = Physics::default();
+    match replay_all(task, presented, replayed, &mut recorded) {
+        Ok(Replays { findings: more, explained }) => {
             findings.extend(sizes(task, set, true));
             findings.extend(more);
+            let missed = recorded.demonstrations.iter().map(|one| one.typically_missed);
+            let missed = missed.collect::<Option<Vec<_>>>().and_then(largest);
+            physics = Physics { missed, explained, ..Physics::default() };
         }
         Err(error) => {
             findings.extend(lengths::unexplained(task, &recorded));
@@ -82,8 +99,21 @@ pub fn compare(
             ));
         }
     }
-    findings.push(actions(set, &recorded));
+    physics.are_observations_explained =
+        findings.iter().any(|one| one.lines.as_ref().is_some_and(|lines| lines.contains("observations.")));
+    findings.extend(beside(task, presented, &physics));
     Ok((recorded, findings))
+}
+
+fn largest(missed: Vec<f64>) -> Option<f64> {
+    missed.into_iter().reduce(f64::max)
+}
+
+/// What [`fit::fit`] finds too, as far as sizes allow.
+fn beside(task: &MujocoTask, presented: &Presented<'_>, physics: &Physics) -> Vec<Finding> {
+    let specification = task.specification();
+    let fits = observation_size(presented.set) == specification.observation_size;
+    fit::beside(specification, Some(task).filter(|_| fits), presented, physics)
 }
 
 fn observation_size(set: &[Demonstration]) -> usize {
@@ -156,27 +186,6 @@ fn widths(task: &MujocoTask) -> String {
     widths.iter().map(|(key, width)| format!("{key} {width}")).collect::<Vec<_>>().join(", ")
 }
 
-fn actions(set: &[Demonstration], recorded: &Recorded) -> Finding {
-    let sum = |of: fn(&Compared) -> usize| recorded.demonstrations.iter().map(of).sum::<usize>();
-    let outside = sum(|one| one.outside);
-    if outside == 0 {
-        return Finding::fine("all actions are within [-1, 1]");
-    }
-    let numbers = sum(|one| one.steps) * action_size(set);
-    let largest = recorded.demonstrations.iter().map(|one| one.largest_action).fold(0.0, f64::max);
-    let share = outside as f64 / numbers as f64 * 100.0;
-    let message = format!("{share:.1} % of the numbers of actions are outside [-1, 1], up to {largest:.2}");
-    // What was clipped then and is clipped now leads to the same states.
-    let physics = recorded.demonstrations.iter().map(|one| one.typically_missed);
-    if physics.clone().all(|missed| missed.is_some_and(dynamics::is_same_body)) {
-        return Finding::fine(format!("{message}; they are clipped, as they were when they were recorded"));
-    }
-    Finding::warning(
-        format!("{message}; they are clipped"),
-        "fine for a policy that draws its actions; if they are controls in the units of ctrlrange, scale them",
-    )
-}
-
 /// States of each demonstration, and which of their numbers are known.
 #[derive(Clone, Copy)]
 struct Replayed<'a> {
@@ -184,13 +193,21 @@ struct Replayed<'a> {
     known: &'a Known,
 }
 
+/// What replays found.
+struct Replays {
+    findings: Vec<Finding>,
+    /// What explains that actions lead elsewhere, if something does.
+    explained: Option<Explained>,
+}
+
 /// Fills in what the states tell, as far as sizes allow.
 fn replay_all(
     task: &MujocoTask,
-    set: &[Demonstration],
+    presented: &Presented<'_>,
     Replayed { states, known }: Replayed<'_>,
     recorded: &mut Recorded,
-) -> Result<Vec<Finding>> {
+) -> Result<Replays> {
+    let set = presented.set;
     let mut findings = Vec::new();
     let mut same_physics = false;
     for (id, (demonstration, states)) in set.iter().zip(states).enumerate() {
@@ -198,18 +215,13 @@ fn replay_all(
             .map_err(|error| error.during(&format!("demonstration {id}")))?;
     }
     if recorded.states == StatesFrom::Recording {
-        let episodes: Vec<columns::Episode<'_>> = set
-            .iter()
-            .zip(states)
-            .map(|(one, states)| columns::Episode { observations: one.observations(), states })
-            .collect();
-        findings.extend(columns::compare(task, &episodes)?);
+        findings.push(columns::compare(task, &fit::observed(presented, states), LOOKED_AT)?);
     } else {
         findings.push(known.found(states));
     }
     if action_size(set) != task.specification().action_size {
         findings.extend(lengths::unexplained(task, recorded));
-        return Ok(findings);
+        return Ok(Replays { findings, explained: None });
     }
     let episodes: Vec<dynamics::Episode<'_>> = set
         .iter()
@@ -239,18 +251,25 @@ fn replay_all(
         one.missed = missed.map(|missed| missed.share);
         one.typically_missed = missed.map(|missed| missed.typical);
     }
-    if let Some(mut finding) = dynamics::judge(&mut environment, &episodes, &misses)? {
+    let all_are_off =
+        misses.iter().all(|missed| missed.is_none_or(|missed| !dynamics::is_same_body(missed.typical)));
+    let explained = match all_are_off {
+        true => mending::explain(task, presented.recorded, presented.states)?,
+        false => None,
+    };
+    if let Some(mut finding) = dynamics::judge(&mut environment, &episodes, &misses, explained.clone())? {
         same_physics = finding.severity == Severity::Fine;
         let is_far = misses.iter().flatten().any(|missed| !dynamics::is_same_body(missed.typical));
         let from_observations = recorded.states == StatesFrom::Observations;
-        if let Some(advice) = finding.advice.as_mut().filter(|_| from_observations && is_far) {
+        let is_open = from_observations && is_far && finding.lines.is_none();
+        if let Some(advice) = finding.advice.as_mut().filter(|_| is_open) {
             *advice += "; or the numbers of the set stand in another order than those of `observation`";
         }
         findings.push(finding);
     }
     findings.extend(drifts(recorded, same_physics));
     findings.extend(scores(recorded));
-    Ok(findings)
+    Ok(Replays { findings, explained })
 }
 
 fn drifts(recorded: &Recorded, same_physics: bool) -> Option<Finding> {

@@ -32,6 +32,16 @@ pub(crate) enum What {
     Phase,
 }
 
+/// What an observed number is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Number {
+    /// A number of qpos, by its address.
+    Position(usize),
+    /// A number of qvel, by its address.
+    Velocity(usize),
+    Other,
+}
+
 /// An observation: what is read, and what it is called.
 pub(crate) struct Observed {
     pub(crate) readings: Vec<Reading>,
@@ -49,6 +59,15 @@ impl Reading {
             | What::Velocity(_, range)
             | What::ContactWrench(_, range) => range.len(),
             What::Phase => 1,
+        }
+    }
+
+    /// What each of its numbers is.
+    pub(crate) fn numbers(&self) -> Vec<Number> {
+        match &self.what {
+            What::Qpos(range) => range.clone().map(Number::Position).collect(),
+            What::Qvel(range) => range.clone().map(Number::Velocity).collect(),
+            _ => vec![Number::Other; self.width()],
         }
     }
 

@@ -60,6 +60,32 @@ def lerobot(name):
     shutil.rmtree(root / "images", ignore_errors=True)
 
 
+def lerobot_jump(name):
+    """Two observed numbers and one action at 25 steps a second; three seconds are missing in the second episode."""
+    import json
+
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    root = fresh(name)
+    (root / "meta").mkdir(parents=True)
+    (root / "data/chunk-000").mkdir(parents=True)
+    for i in range(3):
+        steps = 6
+        seconds = np.arange(steps) / 25 + (3.0 * (np.arange(steps) >= 4) if i == 1 else 0.0)
+        floats = lambda rows: pa.array(rows.tolist(), pa.list_(pa.float32()))
+        table = pa.table({
+            "observation.state": floats(np.zeros((steps, 2))),
+            "action": floats(np.full((steps, 1), 0.1 * i)),
+            "timestamp": pa.array(seconds, pa.float32()),
+            "frame_index": pa.array(np.arange(steps), pa.int64()),
+            "episode_index": pa.array(np.full(steps, i), pa.int64()),
+        })
+        pq.write_table(table, root / f"data/chunk-000/episode_{i:06d}.parquet")
+    info = {"codebase_version": "v2.1", "total_episodes": 3, "total_frames": 18, "fps": 25, "features": {}}
+    (root / "meta/info.json").write_text(json.dumps(info))
+
+
 def minari(name, data_format):
     import gymnasium as gym
     from minari.data_collector import EpisodeBuffer
@@ -260,6 +286,7 @@ def robomimic_of_minari(source, path):
 TOOLS = {
     "lerobot-v3": lambda: lerobot("lerobot_v3"),
     "lerobot-v2": lambda: lerobot("lerobot_v2"),
+    "lerobot-jump": lambda: lerobot_jump("lerobot_jump"),
     "minari": lambda: (minari("minari_hdf5", "hdf5"), minari("minari_parquet", "parquet"),
                        minari("minari_parquet_dict", "parquet")),
     "robomimic": lambda: robomimic("robomimic.hdf5"),

@@ -5,13 +5,14 @@
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::fmt;
-use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
 use crate::basics::error::{Error, Result};
 use crate::data::demonstration::episode::{Episode, LeftOut, Source, trailing_number};
 use crate::data::demonstration::named::listed;
+
+use crate::data::demonstration::numbers::Numbers;
 
 /// An episode of fewer steps shows no change, so nothing can be learned from it.
 pub const FEWEST_STEPS: usize = 2;
@@ -52,60 +53,6 @@ impl fmt::Display for Choice {
         ];
         let parts: Vec<String> = parts.into_iter().flatten().collect();
         out.pad(&if parts.is_empty() { "all".to_owned() } else { parts.join(" ") })
-    }
-}
-
-/// Numbers and spans of numbers, such as `0-9,12`.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(into = "String", try_from = "String")]
-pub struct Numbers(Vec<(u64, u64)>);
-
-impl Numbers {
-    fn hold(&self, number: u64) -> bool {
-        self.0.iter().any(|&(first, last)| (first..=last).contains(&number))
-    }
-}
-
-impl FromStr for Numbers {
-    type Err = Error;
-
-    fn from_str(typed: &str) -> Result<Self> {
-        let span = |part: &str| {
-            let (first, last) = part.split_once('-').unwrap_or((part, part));
-            let (first, last) = (first.trim().parse().ok()?, last.trim().parse().ok()?);
-            (first <= last).then_some((first, last))
-        };
-        // A list as Python prints it is a list too.
-        let bare = typed.trim().trim_start_matches('[').trim_end_matches(']');
-        let spans: Option<Vec<(u64, u64)>> = bare.split(',').map(span).collect();
-        spans.map(Self).ok_or_else(|| {
-            Error::bad_input(format!(
-                "'{typed}' is no list of episodes; wanted numbers and spans, such as 0-9,12"
-            ))
-        })
-    }
-}
-
-impl fmt::Display for Numbers {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let span = |&(first, last): &(u64, u64)| {
-            if first == last { first.to_string() } else { format!("{first}-{last}") }
-        };
-        out.pad(&self.0.iter().map(span).collect::<Vec<_>>().join(","))
-    }
-}
-
-impl TryFrom<String> for Numbers {
-    type Error = Error;
-
-    fn try_from(written: String) -> Result<Self> {
-        written.parse()
-    }
-}
-
-impl From<Numbers> for String {
-    fn from(numbers: Numbers) -> Self {
-        numbers.to_string()
     }
 }
 
@@ -225,18 +172,6 @@ mod tests {
         };
         let episodes = labels.iter().zip(steps).map(episode).collect();
         Source::new(Format::D4rl, Columns::default(), episodes)
-    }
-
-    #[test]
-    fn numbers_and_spans_are_read_and_written() {
-        let numbers: Numbers = "0-9, 12".parse().unwrap();
-        assert_eq!(numbers.to_string(), "0-9,12");
-        assert!(numbers.hold(9) && numbers.hold(12) && !numbers.hold(10));
-        assert_eq!("[0,3,7]".parse::<Numbers>().unwrap().to_string(), "0,3,7");
-        for wrong in ["", "a", "3-1", "1,,2", "-1", "1-"] {
-            let error = wrong.parse::<Numbers>().unwrap_err();
-            assert!(error.to_string().contains("such as 0-9,12"), "{wrong}");
-        }
     }
 
     #[test]

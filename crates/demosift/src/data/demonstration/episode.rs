@@ -9,6 +9,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::basics::error::{Error, Result};
+use crate::data::demonstration::conversion::Conversion;
 use crate::data::demonstration::named::shortened;
 use crate::data::demonstration::{DemoId, Demonstration, DemonstrationSet, check_sizes};
 use crate::math::rows::Rows;
@@ -61,6 +62,11 @@ impl Format {
         Self::ManiSkill,
         Self::Aloha,
     ];
+
+    /// Whether it keeps its files in a folder `data`.
+    pub(super) fn is_minari(self) -> bool {
+        matches!(self, Self::MinariHdf5 | Self::MinariParquet)
+    }
 
     /// The name by which a user asks for it.
     pub fn name(self) -> &'static str {
@@ -150,6 +156,8 @@ pub struct Episode {
     pub actions: Rows,
     /// The observation `[obs]` after the last action, where the format keeps it; no demonstration holds it.
     pub last_observation: Option<Vec<f32>>,
+    /// When each step was recorded, s, `[T]`; empty where the format does not say.
+    pub timestamps_secs: Vec<f64>,
     /// Why it could not be read, where the others could; it then holds no step.
     pub unreadable: Option<String>,
 }
@@ -161,7 +169,7 @@ impl Episode {
         actions: Rows,
         last_observation: Option<Vec<f32>>,
     ) -> Self {
-        Self { label, observations, actions, last_observation, unreadable: None }
+        Self { label, observations, actions, last_observation, timestamps_secs: Vec::new(), unreadable: None }
     }
 
     /// Each episode that could be read, and in place of each other one why it could not; if none could, the first reason.
@@ -234,6 +242,21 @@ pub struct Source {
     pub left_out: Vec<LeftOut>,
     /// What else the file holds that was not read although it looks like an episode, in words.
     pub not_read: Vec<String>,
+    /// What the set says of its numbers.
+    pub says: Says,
+    /// How the numbers of the episodes, which are as they were recorded, become those of a task.
+    pub conversion: Conversion,
+}
+
+/// What a set says of its numbers, beside them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Says {
+    /// Steps a second.
+    pub steps_per_sec: Option<f64>,
+    /// Where actions lie, `[act]`: the least and the greatest of each number.
+    pub action_bounds: Option<Vec<[f64; 2]>>,
+    /// The file that says it.
+    pub file: &'static str,
 }
 
 /// An episode that was not chosen.
@@ -249,7 +272,17 @@ impl Source {
     /// All that a file holds, in its order.
     pub(super) fn new(format: Format, columns: Columns, episodes: Vec<Episode>) -> Self {
         let ids = (0..episodes.len()).map(DemoId).collect();
-        Self { format, columns, ids, episodes, dropped_steps: 0, left_out: Vec::new(), not_read: Vec::new() }
+        Self {
+            format,
+            columns,
+            ids,
+            episodes,
+            dropped_steps: 0,
+            left_out: Vec::new(),
+            not_read: Vec::new(),
+            says: Says::default(),
+            conversion: Conversion::default(),
+        }
     }
 
     /// An episode by its position in the file, if it was chosen.
@@ -275,19 +308,52 @@ impl Source {
         DemonstrationSet::chosen(self.ids.clone(), self.demonstrations()?)
     }
 
+    /// The same with episodes in the numbers of the task; those of another size than most stay as they are.
+    #[must_use]
+    pub fn converted(&self) -> Self {
+        let mut converted = self.clone();
+        if self.conversion.is_none() {
+            return converted;
+        }
+        let usual = self.episodes.iter().map(Episode::sizes).find(|(_, acted)| *acted > 0);
+        for episode in converted.episodes.iter_mut().filter(|episode| Some(episode.sizes()) == usual) {
+            episode.observations = self.conversion.observations(&episode.observations);
+            episode.actions = self.conversion.actions(&episode.actions);
+        }
+        converted.conversion = Conversion::default();
+        converted
+    }
+
     /// Whether these are demonstrations that fit each other, of which one is enough: what other tools want of a file.
     ///
     /// # Errors
     /// `is_bad_input` if they do not fit each other, or one holds a number that is not finite.
     pub fn check(&self) -> Result<()> {
-        check_sizes(&self.ids, &self.demonstrations()?)
+        check_sizes(&self.ids, &self.recorded()?)
     }
 
-    /// Each episode as a demonstration, however many there are.
+    /// Each episode as a demonstration, however many there are, in the numbers of the task.
+    ///
+    /// # Errors
+    /// `is_bad_input` if one is empty or holds a number that is not finite, or they differ in size and are to be converted.
+    pub fn demonstrations(&self) -> Result<Vec<Demonstration>> {
+        let recorded = self.recorded()?;
+        if self.conversion.is_none() {
+            return Ok(recorded);
+        }
+        check_sizes(&self.ids, &recorded)?;
+        let converted = recorded.iter().map(|one| {
+            let observations = self.conversion.observations(one.observations());
+            Demonstration::new(observations, self.conversion.actions(one.actions()))
+        });
+        converted.collect()
+    }
+
+    /// The same in the numbers of the set.
     ///
     /// # Errors
     /// `is_bad_input` if one is empty or holds a number that is not finite.
-    pub fn demonstrations(&self) -> Result<Vec<Demonstration>> {
+    pub fn recorded(&self) -> Result<Vec<Demonstration>> {
         let bad: Vec<(String, String)> = self
             .episodes
             .iter()

@@ -6,6 +6,7 @@
 //! | `action` | list | f32 or f64 | |
 //! | `episode_index` | number | i64 | which episode the row is of |
 //! | `frame_index` | number | i64 | its step |
+//! | `timestamp` | number | f32 or f64 | when it was recorded, s; for checks only |
 //! | `simulator.qpos`, `simulator.qvel` | list | f64 | written by demosift where known; for replays, see [`read_states`] |
 //!
 //! Versions 3.0 and 2.x differ in how rows are spread over files, which reading need not know.
@@ -19,7 +20,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use crate::basics::error::{Error, Result};
-use crate::data::demonstration::episode::{Columns, Episode, Format, Source};
+use crate::data::demonstration::episode::{Columns, Episode, Format, Says, Source};
 use crate::data::demonstration::listing::{ColumnSeen, Used};
 use crate::data::demonstration::parquet_table::{self, Table};
 use crate::data::demonstration::pointer;
@@ -50,6 +51,13 @@ struct Info {
     robot_type: Option<String>,
     #[serde(default)]
     features: BTreeMap<String, Feature>,
+}
+
+impl Info {
+    /// Steps a second, if that means something.
+    fn rate(&self) -> Option<f64> {
+        self.fps.filter(|rate| rate.is_finite() && *rate > 0.0)
+    }
 }
 
 /// What a data set says of one of its columns.
@@ -136,7 +144,8 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
             .with_hint("was the whole folder copied?"));
         }
     }
-    Ok(Source::new(format, columns, episodes))
+    let says = Says { steps_per_sec: info.rate(), action_bounds: None, file: INFO };
+    Ok(Source { says, ..Source::new(format, columns, episodes) })
 }
 
 /// All columns, with those that are not in the tables, such as videos.
@@ -194,6 +203,11 @@ fn append(
     let actions = table.floats_side_by_side(&columns.actions)?;
     let indices = table.integers("episode_index")?;
     let frames = if table.has("frame_index") { Some(table.integers("frame_index")?) } else { None };
+    // Nobody learns from these, so a column that is none of numbers is no reason to refuse a set.
+    let seconds = match table.has("timestamp").then(|| table.doubles("timestamp")) {
+        Some(Ok((seconds, 1))) if seconds.len() == indices.len() => seconds,
+        _ => Vec::new(),
+    };
     for (name, len) in [
         ("action", actions.len()),
         ("episode_index", indices.len()),
@@ -235,6 +249,7 @@ fn append(
         }
         episode.observations.push(observations.row(row));
         episode.actions.push(actions.row(row));
+        episode.timestamps_secs.extend(seconds.get(row));
     }
     Ok(())
 }

@@ -20,7 +20,7 @@ use serde::Deserialize;
 
 use crate::basics::error::{Error, Result};
 use crate::basics::files;
-use crate::data::demonstration::episode::{Columns, Episode, Format, Source, trailing_number};
+use crate::data::demonstration::episode::{Columns, Episode, Format, Says, Source, trailing_number};
 use crate::data::demonstration::hdf5::{self, damaged, find, find_group};
 use crate::data::demonstration::parquet_table::{self, Table};
 use crate::math::rows::Rows;
@@ -71,8 +71,9 @@ pub(super) fn read_hdf5(path: &Path, columns: &Columns) -> Result<Source> {
         actions: "actions",
     };
     let source = read_groups(path, columns, &layout)?;
-    check_counts(&path.with_file_name(METADATA), &source.episodes)?;
-    Ok(source)
+    let metadata = path.with_file_name(METADATA);
+    check_counts(&metadata, &source.episodes)?;
+    Ok(Source { says: says(&metadata), ..source })
 }
 
 /// Reads a trajectory file of ManiSkill: groups `traj_<i>` with `obs`, a table or a dictionary, and `actions`.
@@ -206,8 +207,9 @@ pub(super) fn read_parquet(path: &Path, columns: &Columns) -> Result<Source> {
                 .map_err(|error| error.at(folder))?,
         );
     }
-    check_counts(&path.join(METADATA), &episodes)?;
-    Ok(Source::new(Format::MinariParquet, resolved, episodes))
+    let metadata = path.join(METADATA);
+    check_counts(&metadata, &episodes)?;
+    Ok(Source { says: says(&metadata), ..Source::new(Format::MinariParquet, resolved, episodes) })
 }
 
 /// Refuses a data set that holds more or less than the file beside it says, if there is one.
@@ -243,6 +245,33 @@ fn check_counts(metadata: &Path, episodes: &[Episode]) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Where actions lie by the box that the metadata describe; nothing where it is none, or has no ends.
+fn says(metadata: &Path) -> Says {
+    let bounds = || {
+        #[derive(Deserialize)]
+        struct Spaces {
+            action_space: Option<String>,
+        }
+        let spaces: Spaces = serde_json::from_slice(&fs::read(metadata).ok()?).ok()?;
+        // JSON in a string, in which infinity is a bare word.
+        let text = spaces.action_space?.replace("-Infinity", "null").replace("Infinity", "null");
+        let space: serde_json::Value = serde_json::from_str(&text).ok()?;
+        let (low, high) = (flat(&space["low"])?, flat(&space["high"])?);
+        let bounds: Vec<[f64; 2]> = low.into_iter().zip(high).map(|(low, high)| [low, high]).collect();
+        (space["type"] == "Box" && !bounds.is_empty()).then_some(bounds)
+    };
+    Says { steps_per_sec: None, action_bounds: bounds(), file: METADATA }
+}
+
+/// All numbers of an array, whatever its shape; `None` if one is missing.
+fn flat(array: &serde_json::Value) -> Option<Vec<f64>> {
+    let each = array.as_array()?.iter().map(|entry| match entry.as_f64() {
+        Some(number) => Some(vec![number]),
+        None => flat(entry),
+    });
+    each.collect::<Option<Vec<_>>>().map(|numbers| numbers.concat())
 }
 
 /// Tables one below the other; those of one episode that was written in parts.

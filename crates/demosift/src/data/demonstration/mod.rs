@@ -5,6 +5,7 @@
 mod aloha;
 mod baselines_npz;
 pub mod choice;
+mod conversion;
 pub mod d4rl;
 pub mod episode;
 mod hdf5;
@@ -15,6 +16,7 @@ pub mod listing;
 pub mod minari;
 mod named;
 mod npz;
+pub mod numbers;
 pub mod open;
 mod parquet_pages;
 mod parquet_table;
@@ -22,7 +24,9 @@ mod parquet_writing;
 mod parquet_zstd;
 mod pointer;
 pub mod robomimic;
+pub mod set_file;
 mod stable_baselines_npz;
+pub mod timing;
 
 use crate::basics::error::{Error, Result};
 use crate::math::rows::Rows;

@@ -13,10 +13,10 @@
 
 use std::path::Path;
 
-use hdf5_pure::{DType, File, Group};
+use hdf5_pure::{AttrValue, DType, File, Group};
 
 use crate::basics::error::{Error, Result};
-use crate::data::demonstration::episode::{Columns, Episode, Format, Source};
+use crate::data::demonstration::episode::{Columns, Episode, Format, Says, Source};
 use crate::data::demonstration::hdf5::{self, damaged, find_below, find_group};
 use crate::data::demonstration::listing::ColumnSeen;
 use crate::data::demonstration::named::{Named, listed};
@@ -63,7 +63,21 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
         (label.clone(), read)
     });
     let episodes = Episode::all_or_some(episodes.collect())?;
-    Ok(Source { not_read, ..Source::new(Format::Robomimic, columns, episodes) })
+    let says = Says { steps_per_sec: rate(&data), action_bounds: None, file: "env_args" };
+    Ok(Source { not_read, says, ..Source::new(Format::Robomimic, columns, episodes) })
+}
+
+/// Steps a second, where the description of the environment tells it; robosuite calls it `control_freq`.
+fn rate(data: &Group) -> Option<f64> {
+    let attributes = data.attrs().ok()?;
+    let text = match attributes.get("env_args")? {
+        AttrValue::String(text) | AttrValue::AsciiString(text) => text,
+        AttrValue::VarLenString(text) | AttrValue::VarLenAsciiString(text) => text,
+        AttrValue::StringSized { value, .. } | AttrValue::AsciiStringSized { value, .. } => value,
+        _ => return None,
+    };
+    let arguments: serde_json::Value = serde_json::from_str(text).ok()?;
+    arguments["env_kwargs"]["control_freq"].as_f64().filter(|rate| *rate > 0.0)
 }
 
 /// What is said of observations that are not read, and why not; `None` if all are.

@@ -34,7 +34,9 @@ pub struct Described {
 /// # Errors
 /// `is_bad_input` if its description is damaged; `is_io` if it may not be read.
 pub fn description(path: &Path, source: &Source) -> Result<Described> {
-    let Info { fps, robot_type, features, .. } = read_info(path)?;
+    let info = read_info(path)?;
+    let rate = info.rate();
+    let Info { robot_type, features, .. } = info;
     let numbered =
         source.episodes.iter().filter_map(|one| Some((one.label.parse().ok()?, one.actions.len())));
     let videos = videos::find(path, source.format == Format::LeRobotV3, &numbered.collect::<Vec<_>>());
@@ -53,7 +55,7 @@ pub fn description(path: &Path, source: &Source) -> Result<Described> {
     };
     let tasks: Option<Vec<String>> = source.episodes.iter().map(|episode| task(&episode.label)).collect();
     Ok(Described {
-        steps_per_sec: fps.filter(|rate| *rate >= 0.5 && *rate < 1e6).map_or(0, |rate| rate.round() as u32),
+        steps_per_sec: rate.filter(|rate| *rate >= 0.5 && *rate < 1e6).map_or(0, |rate| rate.round() as u32),
         robot_type,
         observation_names: names(&source.columns.observations, sizes.0),
         action_names: names(&source.columns.actions, sizes.1),

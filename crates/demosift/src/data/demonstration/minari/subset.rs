@@ -66,7 +66,7 @@ fn described(original: &Path) -> Result<Map<String, Value>> {
         hdf5::open(original)?.file.dataset(&format!("episode_{}/observations", source.episodes[0].label));
     let element = table.and_then(|table| table.dtype()).map_err(damaged)?;
     let element = if element == DType::F64 { "float64" } else { "float32" };
-    let layout = writing::layout(&source.episodes, &source.episodes[0], element);
+    let layout = writing::layout(&source.episodes, None, element);
     Ok(layout.into_iter().map(|(key, value)| (key.to_owned(), value)).collect())
 }
 

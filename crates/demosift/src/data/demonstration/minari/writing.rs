@@ -19,10 +19,11 @@ const MINARI_VERSION: &str = "0.5.3";
 /// Minari wants an observation after the last action; where an episode has none, its last action is left out and its last
 /// observation stands there.
 /// Rewards were never read, so they are not a number; every episode counts as truncated at its end.
+/// `bounds` says where actions lie, `[act]`; without them it is [−1, 1] where all do, as the tasks here have it.
 ///
 /// # Errors
 /// `is_bad_input` if the folder exists, or an episode has no action left; `is_io` if a file cannot be written.
-pub fn write(path: &Path, episodes: &[Episode], name: &str) -> Result<()> {
+pub fn write(path: &Path, episodes: &[Episode], name: &str, bounds: Option<&[[f64; 2]]>) -> Result<()> {
     let mut file = FileBuilder::new();
     let mut total_steps = 0;
     for (index, episode) in episodes.iter().enumerate() {
@@ -30,9 +31,9 @@ pub fn write(path: &Path, episodes: &[Episode], name: &str) -> Result<()> {
         total_steps += actions.len();
         add(&mut file, index, &observations, &actions).map_err(cannot_encode)?;
     }
-    let Some(first) = episodes.first() else {
+    if episodes.is_empty() {
         return Err(Error::bad_input("no episode to write; at least 1 is needed"));
-    };
+    }
     let bytes = file.finish().map_err(cannot_encode)?;
     let mut metadata = json!({
         "total_episodes": episodes.len(),
@@ -41,7 +42,7 @@ pub fn write(path: &Path, episodes: &[Episode], name: &str) -> Result<()> {
         "dataset_size": (bytes.len() as f64 / 1e5).round() / 10.0,
         "description": "Written by demosift, which reads no rewards: they are not a number here.",
     });
-    for (key, value) in layout(episodes, first, "float32") {
+    for (key, value) in layout(episodes, bounds, "float32") {
         metadata[key] = value;
     }
     let contents =
@@ -50,11 +51,21 @@ pub fn write(path: &Path, episodes: &[Episode], name: &str) -> Result<()> {
 }
 
 /// What the description of a data set says of its layout, where `element` is numpy's name for the numbers in it.
-pub(super) fn layout(episodes: &[Episode], first: &Episode, element: &str) -> [(&'static str, Value); 4] {
+pub(super) fn layout(
+    episodes: &[Episode],
+    bounds: Option<&[[f64; 2]]>,
+    element: &str,
+) -> [(&'static str, Value); 4] {
+    let (observed, acted) = episodes.first().map_or((0, 0), Episode::sizes);
+    let everywhere = |width: usize| vec![[f64::NEG_INFINITY, f64::INFINITY]; width];
+    let bounds = bounds.filter(|bounds| bounds.len() == acted).map_or_else(
+        || if all_are_inside(episodes) { vec![[-1.0, 1.0]; acted] } else { everywhere(acted) },
+        <[_]>::to_vec,
+    );
     [
         ("data_format", json!("hdf5")),
-        ("observation_space", json!(space(first.observations.width(), None, element))),
-        ("action_space", json!(space(first.actions.width(), bound(episodes), element))),
+        ("observation_space", json!(space(&everywhere(observed), element))),
+        ("action_space", json!(space(&bounds, element))),
         ("minari_version", json!(MINARI_VERSION)),
     ]
 }
@@ -108,21 +119,23 @@ fn add(
 }
 
 /// A box of numbers as Minari writes it: JSON in a string, in which infinity is a bare word.
-fn space(width: usize, bound: Option<f32>, element: &str) -> String {
-    let each = |word: String| vec![word; width].join(", ");
-    let (low, high) = match bound {
-        Some(bound) => (each(format!("{:?}", -bound)), each(format!("{bound:?}"))),
-        None => (each("-Infinity".to_owned()), each("Infinity".to_owned())),
+fn space(bounds: &[[f64; 2]], element: &str) -> String {
+    let word = |bound: f64| match bound {
+        f64::INFINITY => "Infinity".to_owned(),
+        f64::NEG_INFINITY => "-Infinity".to_owned(),
+        finite => format!("{finite:?}"),
     };
+    let end = |at: usize| bounds.iter().map(|bound| word(bound[at])).collect::<Vec<_>>().join(", ");
+    let (low, high, width) = (end(0), end(1), bounds.len());
     format!(
         r#"{{"type": "Box", "dtype": "{element}", "shape": [{width}], "low": [{low}], "high": [{high}]}}"#
     )
 }
 
-/// 1 if all actions lie in [−1, 1], as the tasks here have it.
-fn bound(episodes: &[Episode]) -> Option<f32> {
+/// Whether all actions lie in [−1, 1], as the tasks here have it.
+fn all_are_inside(episodes: &[Episode]) -> bool {
     let inside = |action: &f32| (-1.0..=1.0).contains(action);
-    episodes.iter().all(|episode| episode.actions.flat().iter().all(inside)).then_some(1.0)
+    episodes.iter().all(|episode| episode.actions.flat().iter().all(inside))
 }
 
 fn cannot_encode(source: impl std::fmt::Display) -> Error {
