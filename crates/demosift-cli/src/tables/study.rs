@@ -54,7 +54,7 @@ fn said(words: &str, markdown: bool) -> String {
     if markdown { words.replace(". ", ".\n") } else { wrapped(words) }
 }
 
-fn in_markdown(header: &[&str], rows: &[Vec<String>]) -> String {
+pub(crate) fn in_markdown(header: &[&str], rows: &[Vec<String>]) -> String {
     let line = |cells: &[String]| format!("| {} |\n", cells.join(" | ").replace("~", r"\~"));
     let header: Vec<String> = header.iter().map(|&cell| cell.to_owned()).collect();
     let rule = format!("|{}\n", "---|".repeat(header.len()));
@@ -276,6 +276,7 @@ pub(crate) struct Kind {
 pub(crate) fn kind(work: &Work) -> String {
     match work {
         Work::Judging { method, .. } => format!("judging by {method}"),
+        Work::Weighing { method, .. } => format!("weighing by {method}"),
         Work::Training { imitator: Rule::Gail, .. } => "training by gail".to_owned(),
         Work::Training { imitator: Rule::BehavioralCloning, .. } => "training by cloning".to_owned(),
     }

@@ -31,6 +31,7 @@ pub mod pools;
 mod referee_rates;
 mod refereed;
 pub mod summary;
+pub mod told;
 mod truth;
 mod work;
 
@@ -97,6 +98,13 @@ impl Work {
         }
     }
 
+    /// The root of its random numbers.
+    pub fn seed(&self) -> u64 {
+        match self {
+            Self::Judging { seed, .. } | Self::Weighing { seed, .. } | Self::Training { seed, .. } => *seed,
+        }
+    }
+
     /// A name that no other work of the study has, fit for a file.
     pub fn name(&self) -> String {
         match self {
@@ -150,6 +158,13 @@ pub struct Cost {
     pub environment_steps: u64,
     /// Seconds by the clock that was passed in: of a processor, where the command measures.
     pub seconds: f64,
+}
+
+impl Cost {
+    /// The seconds in hours.
+    pub fn processor_hours(&self) -> f64 {
+        self.seconds / 3600.0
+    }
 }
 
 impl std::ops::Add for Cost {

@@ -6,7 +6,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::choice::{Kept, TopK};
-use super::plan::Study;
+use super::plan::{Judge, Study};
+use super::{Cell, Found, Work};
 use crate::basics::error::{Error, Result};
 use crate::learning::adapt::Rule;
 
@@ -163,6 +164,27 @@ impl Weights {
 }
 
 impl Study {
+    /// Whether a cell of a file of results still has all that this study shows of it: such a file has curves only where its
+    /// own figures show them.
+    pub fn has_all_to_show(&self, cell: &Cell) -> bool {
+        match &cell.found {
+            Found::Training(training) => !self.drawn.shows(Draws::TopK) || !training.curve.is_empty(),
+            // A judge by cloning plays nothing on the way, so that it never has any.
+            Found::Judging(judging) => {
+                let is_followed = self.method_of(&cell.work).is_some_and(|method| !method.clones);
+                !(is_followed && self.drawn.shows(Draws::Adaptation)) || judging.adaptation.is_some()
+            }
+            Found::Weighing(_) | Found::Failed(_) => true,
+        }
+    }
+
+    fn method_of(&self, work: &Work) -> Option<&Judge> {
+        match work {
+            Work::Judging { method, .. } | Work::Weighing { method, .. } => self.method(method),
+            Work::Training { .. } => None,
+        }
+    }
+
     /// Whether what is drawn is of sets and methods of the study.
     pub(super) fn check_drawn(&self) -> Result<()> {
         let Drawn { curves, weights, figures, claims, .. } = &self.drawn;

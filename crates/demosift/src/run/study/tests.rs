@@ -3,6 +3,8 @@ use super::work::top;
 use super::*;
 use crate::math::agreement;
 
+mod drawing;
+
 fn seeds(count: usize) -> Seeds {
     Seeds { first: 0, count }
 }
