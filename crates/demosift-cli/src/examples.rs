@@ -118,7 +118,9 @@ Examples:
   The page of a result, with the figure and its numbers beside it:
     demosift reproduce fig3 --page docs/results/fig3.md --commit 4344517 --machine \"two cores of an x86-64 server\"
   The same from the file of results alone, on any machine:
-    demosift reproduce docs/results/fig3.json --page docs/results/fig3.md";
+    demosift reproduce docs/results/fig3.json --page docs/results/fig3.md
+  What of the paper holds, from all results in a folder:
+    demosift reproduce docs/results --summary docs/results/README.md";
 
 pub(crate) const REPORT: &str = "\
 Examples:

@@ -53,7 +53,7 @@ impl Shown<'_> {
         text
     }
 
-    fn title(&self) -> String {
+    pub(crate) fn title(&self) -> String {
         let study = &self.compact.study;
         study.drawn.title.clone().unwrap_or_else(|| study.name.clone())
     }
@@ -174,7 +174,7 @@ impl Shown<'_> {
 impl Page<'_> {
     /// The whole page.
     pub(crate) fn text(&self) -> String {
-        let Self { shown, made } = self;
+        let Self { shown, .. } = self;
         let Shown { compact, told, decided } = shown;
         let study = &compact.study;
         let mut text = format!("# {}\n\n", shown.title());
@@ -250,6 +250,50 @@ impl Page<'_> {
         ));
         text
     }
+}
+
+/// What one experiment decided.
+pub(crate) struct Summarized {
+    pub(crate) name: String,
+    pub(crate) title: String,
+    /// Asked for, and whole.
+    pub(crate) seeds: [usize; 2],
+    pub(crate) decided: Vec<Decided>,
+}
+
+/// A page about several experiments.
+pub(crate) fn summary(all: &[Summarized]) -> String {
+    let mut text = "# What of the paper holds here\n\n".to_owned();
+    text += &sentences(&format!(
+        "`demosift reproduce` made this page from results, and no number in it is typed by hand. \
+         A claim is compared for each set, K and other method, and the 95 % interval of the difference that is paired by seed decides. \
+         Fewer than {ENOUGH_SEEDS} seeds decide nothing.",
+    ));
+    for by in [By::Paper, By::Us] {
+        let row = |of: &Summarized, decided: &Decided| {
+            let counts = [Said::Agrees, Said::Disagrees, Said::NotSeparable, Said::TooFew];
+            let mut row = vec![of.name.clone(), decided.says.trim_end_matches('.').to_owned()];
+            row.extend(counts.map(|said| decided.count(said).to_string()));
+            row.push(format!("{} of {}", of.seeds[1], of.seeds[0]));
+            row
+        };
+        let of_one = |of: &Summarized| {
+            let decided = of.decided.iter().filter(|decided| decided.by == by);
+            decided.map(|decided| row(of, decided)).collect::<Vec<_>>()
+        };
+        let rows: Vec<Vec<String>> = all.iter().flat_map(of_one).collect();
+        let (title, yes, no) = match by {
+            By::Paper => ("What the paper claims", "agree", "disagree"),
+            By::Us => ("What we ask besides", "better", "worse"),
+        };
+        let header = ["experiment", "claim", yes, no, "not separable", "too few seeds", "seeds"];
+        if !rows.is_empty() {
+            text += &format!("\n## {title}\n\n{}", in_markdown(&header, &rows));
+        }
+    }
+    text += "\n## The pages\n\n";
+    all.iter().for_each(|of| text += &format!("- [{}]({}.md)\n", of.title, of.name));
+    text
 }
 
 /// Markdown has one sentence per line.

@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use demosift::basics::files;
 use demosift::run::study::compact::{self, Compact};
 use demosift::run::study::make::{self, Means, PriorOf};
-use demosift::run::study::{Cell, Fingerprint, Finished, Found, Only, Work, pools};
+use demosift::run::study::{Cell, Fingerprint, Finished, Found, Only, Work, pools, told};
 use demosift::{Error, Result};
 use rustix::time::{ClockId, clock_gettime};
 
@@ -233,8 +233,12 @@ impl<'o> Studied<'o> {
                 Some(kind) => {
                     (kind.cells, kind.environment_steps) = (kind.cells + 1, kind.environment_steps + steps)
                 }
-                None => kinds.push(Kind { name, cells: 1, environment_steps: steps }),
+                None => kinds.push(Kind { name, cells: 1, environment_steps: steps, processor_hours: None }),
             }
+        }
+        for kind in &mut kinds {
+            let alike = self.finished.cells().filter(|cell| table::kind(&cell.work) == kind.name);
+            kind.processor_hours = told::hours_at_the_pace_of(alike, kind.environment_steps);
         }
         kinds
     }

@@ -10,8 +10,9 @@ use super::study::{OnlyThese, Part};
 #[derive(Debug, Args)]
 pub(crate) struct ReproduceArguments {
     /// An experiment of the paper: fig3, fig4 (with fig10), fig5, fig6, fig7, fig8, fig9, table1, or all of them; or a study file
-    /// of your own that draws figures (docs/studies.md), or a file of results that an earlier one made, which is drawn again
-    #[arg(value_name = "NAME|STUDY.toml|RESULTS.json")]
+    /// of your own that draws figures (docs/studies.md); or results that an earlier one made, to be drawn again: a file, or a
+    /// folder of such files
+    #[arg(value_name = "NAME|STUDY.toml|RESULTS.json|DIR")]
     pub(crate) experiment: String,
     /// How much to spend: quick proves that it runs, with two seeds and small budgets; standard has ten seeds; paper has the
     /// paper's values [default: standard, or what the study file says]
@@ -51,6 +52,9 @@ pub(crate) struct ReproduceArguments {
     /// [default: <out>/<name>.md]
     #[arg(long, value_name = "FILE.md|DIR", conflicts_with = "dry_run")]
     pub(crate) page: Option<PathBuf>,
+    /// Write a page here that says of each claim of these experiments whether it holds
+    #[arg(long, value_name = "FILE.md", conflicts_with = "dry_run")]
+    pub(crate) summary: Option<PathBuf>,
     /// The commit that made the results, for the page
     #[arg(long, value_name = "COMMIT")]
     pub(crate) commit: Option<String>,

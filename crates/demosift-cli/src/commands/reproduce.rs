@@ -12,7 +12,7 @@ use demosift::{Error, Result};
 use crate::answers;
 use crate::arguments::{PresetName, ReproduceArguments};
 use crate::experiments;
-use crate::reproduce_page::{Made, Page, Shown};
+use crate::reproduce_page::{Made, Page, Shown, Summarized, summary};
 use crate::study_cells::{Missing, Results, Studied, read_results, threads};
 use crate::study_file::{self, Asked, Source};
 use crate::tables;
@@ -25,12 +25,16 @@ const DATA: &str = "data";
 pub(crate) fn run(arguments: &ReproduceArguments) -> Result<()> {
     let path = Path::new(&arguments.experiment);
     match path.extension().and_then(|extension| extension.to_str()) {
-        Some("json") => return draw_again(arguments, path),
+        Some("json") => return summarize(arguments, &[draw_again(arguments, path)?]),
         Some("toml") => return reproduce(arguments, &[Source::At(path)]),
         _ => {}
     }
     let data = arguments.data.clone().unwrap_or_else(|| PathBuf::from(DATA));
-    let named = experiments::named(&arguments.experiment)?;
+    let named = match experiments::named(&arguments.experiment) {
+        // A name means the experiment, whatever lies in this folder.
+        Err(_) if path.is_dir() => return draw_folder(arguments, path),
+        named => named?,
+    };
     if !data.is_dir() {
         return Err(Error::bad_input("the folder of the demonstration sets is not there").at(&data).with_hint(
             "call it in a checkout of demosift, or give its folder data: --data DIR",
@@ -48,15 +52,25 @@ fn reproduce(arguments: &ReproduceArguments, sources: &[Source<'_>]) -> Result<(
         let page = arguments.page.as_deref().unwrap_or(Path::new(""));
         return Err(Error::bad_input("several experiments have a page each").at(page).with_hint("give a folder"));
     }
-    let mut counted = BTreeSet::new();
+    let (mut counted, mut all) = (BTreeSet::new(), Vec::new());
     for source in sources {
-        one(arguments, *source, &mut counted)?;
+        all.extend(one(arguments, *source, &mut counted)?);
     }
-    Ok(())
+    summarize(arguments, &all)
 }
 
-/// Makes one experiment; `counted` are the cells that a dry run has counted already.
-fn one(arguments: &ReproduceArguments, source: Source<'_>, counted: &mut BTreeSet<String>) -> Result<()> {
+/// The summary, if it is asked for.
+fn summarize(arguments: &ReproduceArguments, all: &[Summarized]) -> Result<()> {
+    let Some(path) = &arguments.summary else { return Ok(()) };
+    undisturbed(|| files::write_atomically(path, summary(all).as_bytes()))
+}
+
+/// Makes one experiment, or counts its cells, of which `counted` have been counted already.
+fn one(
+    arguments: &ReproduceArguments,
+    source: Source<'_>,
+    counted: &mut BTreeSet<String>,
+) -> Result<Option<Summarized>> {
     let threads = threads(arguments.threads)?;
     if arguments.seeds == Some(0) {
         return Err(Error::bad_config("--seeds 0: must be at least 1"));
@@ -82,7 +96,7 @@ fn one(arguments: &ReproduceArguments, source: Source<'_>, counted: &mut BTreeSe
     if arguments.dry_run {
         studied.gather()?;
         forecast(&studied, &only, arguments, counted);
-        return Ok(());
+        return Ok(None);
     }
     if !arguments.table {
         studied.folder.begin()?;
@@ -97,7 +111,7 @@ fn one(arguments: &ReproduceArguments, source: Source<'_>, counted: &mut BTreeSe
         (None, true) if !out.is_dir() => None,
         (None, _) => Some(beside),
     };
-    tell(arguments, &results, page.as_deref())
+    tell(arguments, &results, page.as_deref()).map(Some)
 }
 
 fn is_page(path: &Path) -> bool {
@@ -110,8 +124,19 @@ fn page_of(arguments: &ReproduceArguments, compact: &Compact) -> Option<PathBuf>
     Some(if is_page(page) { page.clone() } else { page.join(format!("{}.md", compact.study.name)) })
 }
 
+/// All experiments whose results lie in a folder.
+fn draw_folder(arguments: &ReproduceArguments, folder: &Path) -> Result<()> {
+    let results = experiments::EXPERIMENTS.iter().map(|of| folder.join(format!("{}.json", of.name)));
+    let results: Vec<PathBuf> = results.filter(|path| path.is_file()).collect();
+    if results.is_empty() {
+        return Err(Error::bad_input("the folder holds no results of an experiment, such as fig3.json").at(folder));
+    }
+    let all = results.iter().map(|path| draw_again(arguments, path)).collect::<Result<Vec<_>>>()?;
+    summarize(arguments, &all)
+}
+
 /// A file of results is drawn on any machine, without the sets.
-fn draw_again(arguments: &ReproduceArguments, path: &Path) -> Result<()> {
+fn draw_again(arguments: &ReproduceArguments, path: &Path) -> Result<Summarized> {
     let ReproduceArguments { data, out, part, only, dry_run, from, preset, seeds, .. } = arguments;
     let makes = data.is_some() || out.is_some() || part.is_some() || only.is_some() || from.is_some() || *dry_run;
     if makes || preset.is_some() || seeds.is_some() {
@@ -126,7 +151,7 @@ fn draw_again(arguments: &ReproduceArguments, path: &Path) -> Result<()> {
 }
 
 /// Shows what was found, and writes the page with all that belongs to it.
-fn tell(arguments: &ReproduceArguments, results: &Results, page: Option<&Path>) -> Result<()> {
+fn tell(arguments: &ReproduceArguments, results: &Results, page: Option<&Path>) -> Result<Summarized> {
     let Results { compact, bytes } = results;
     let study = &compact.study;
     let told = told::tell(study, &compact.finished);
@@ -158,13 +183,14 @@ fn tell(arguments: &ReproduceArguments, results: &Results, page: Option<&Path>) 
             notes: &compact.notes,
             page,
         });
-        return Ok(());
+    } else {
+        terminal::show(&shown.plainly());
+        if let Some(page) = page {
+            terminal::show(&format!("\nThe page, with its figures beside it: {}\n", page.display()));
+        }
     }
-    terminal::show(&shown.plainly());
-    if let Some(page) = page {
-        terminal::show(&format!("\nThe page, with its figures beside it: {}\n", page.display()));
-    }
-    Ok(())
+    let (title, seeds) = (shown.title(), told.seeds);
+    Ok(Summarized { name: study.name.clone(), title, seeds, decided })
 }
 
 /// `--dry-run`; what an earlier experiment counts is not counted again.

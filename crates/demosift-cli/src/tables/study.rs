@@ -270,6 +270,8 @@ pub(crate) struct Kind {
     pub(crate) name: String,
     pub(crate) cells: usize,
     pub(crate) environment_steps: u64,
+    /// At the pace of the finished cells of this kind, if there are any.
+    pub(crate) processor_hours: Option<f64>,
 }
 
 /// The kind of some work.
@@ -286,12 +288,20 @@ pub(crate) fn kind(work: &Work) -> String {
 pub(crate) fn forecast(kinds: &[Kind], finished: usize, later: usize, notes: &[String]) -> String {
     let rows: Vec<Vec<String>> = kinds
         .iter()
-        .map(|of| vec![of.name.clone(), of.cells.to_string(), rounded(of.environment_steps as f64)])
+        .map(|of| {
+            let hours = of.processor_hours.map_or("-".to_owned(), |hours| format!("{hours:.1}"));
+            vec![of.name.clone(), of.cells.to_string(), rounded(of.environment_steps as f64), hours]
+        })
         .collect();
     let mut told = format!("{finished} cells are finished.\n");
     if !rows.is_empty() {
-        let table = table(&["kind of cell", "cells", "environment steps"], &rows);
+        let table = table(&["kind of cell", "cells", "environment steps", "hours"], &rows);
         told += &format!("\nStill to be made:\n\n{table}");
+        let known = kinds.iter().filter(|of| of.processor_hours.is_some()).count();
+        told += match known {
+            0 => "\nHow many hours that is, is known once a cell of each kind is finished.\n",
+            _ => "\nHours are those of one processor, at the pace of the finished cells of the same kind.\n",
+        };
     }
     if later > 0 {
         told += &format!("\nUp to {later} trainings more depend on what judging finds.\n");

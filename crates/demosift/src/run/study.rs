@@ -30,6 +30,7 @@ mod plan;
 pub mod pools;
 mod referee_rates;
 mod refereed;
+mod showing;
 pub mod summary;
 pub mod told;
 mod truth;

@@ -38,13 +38,14 @@ impl Axis {
     /// With about so many ticks, 1, 2 or 5 times a power of ten apart.
     pub(super) fn of(span: Span, about: usize) -> Self {
         let width = if span.high > span.low { span.high - span.low } else { 1.0 };
+        let high = span.low + width;
         let raw = width / about.max(1) as f64;
         let power = 10.0_f64.powf(raw.log10().floor());
         let step = [1.0, 2.0, 5.0, 10.0].map(|round| round * power).into_iter().find(|step| *step >= raw);
         let step = step.unwrap_or(10.0 * power);
-        let (first, last) = ((span.low / step).ceil() as i64, (span.high / step).floor() as i64);
+        let (first, last) = ((span.low / step).ceil() as i64, (high / step).floor() as i64);
         let ticks = (first..=last).map(|number| number as f64 * step).collect();
-        Self { low: span.low, high: span.low + width, ticks, step }
+        Self { low: span.low, high, ticks, step }
     }
 
     /// From 0 at the lower end to 1 at the upper.

@@ -6,7 +6,7 @@ use super::choice::{Kept, TopK};
 use super::curves::{self, Trained};
 use super::parts::Set;
 use super::plan::Study;
-use super::{Cost, Finished, Found};
+use super::{Cell, Cost, Finished, Found};
 use crate::learning::adapt::Rule;
 use crate::math::statistics;
 
@@ -213,11 +213,24 @@ fn bodies(study: &Study, set: &Set, finished: &Finished) -> Vec<BodyLine> {
 }
 
 fn cost(finished: &Finished) -> Cost {
-    let of = |found: &Found| match found {
+    finished.cells().map(cost_of).fold(Cost::default(), |sum, cost| sum + cost)
+}
+
+fn cost_of(cell: &Cell) -> Cost {
+    match &cell.found {
         Found::Judging(result) => result.once + result.judging,
         Found::Weighing(result) => result.once + result.weighing,
         Found::Training(result) => result.cost,
         Found::Failed(_) => Cost::default(),
-    };
-    finished.cells().map(|cell| of(&cell.found)).fold(Cost::default(), |sum, cost| sum + cost)
+    }
+}
+
+/// Processor hours of so many environment steps at the pace of these cells; `None` where there is no pace.
+pub fn hours_at_the_pace_of<'c>(
+    cells: impl Iterator<Item = &'c Cell>,
+    environment_steps: u64,
+) -> Option<f64> {
+    let spent = cells.map(cost_of).fold(Cost::default(), |sum, cost| sum + cost);
+    let share = environment_steps as f64 / spent.environment_steps as f64;
+    (spent.environment_steps > 0).then(|| spent.processor_hours() * share)
 }

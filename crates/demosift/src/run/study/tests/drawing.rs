@@ -222,6 +222,10 @@ fn numbers_beside_figures_are_those_of_the_cells() {
     let taller: Vec<f64> = told.bodies.iter().map(|of| of.share.mean).collect();
     assert_eq!(taller, [1.0, 0.0, 0.5, 0.0], "of K = 1 and 2, by both");
     close(told.cost.processor_hours(), 10.0 + 10.0 * 28.0 / 3600.0);
+    // 1000 and 400 steps took 14 seconds.
+    let one = [judged("paper", 0, [0.0; 4])];
+    close(told::hours_at_the_pace_of(one.iter(), 2800).expect("a pace"), 28.0 / 3600.0);
+    assert_eq!(told::hours_at_the_pace_of([].iter(), 2800), None);
     let part = told::tell(&study, &drawn_cells(9));
     assert!(part.is_partial() && part.seeds == [10, 9], "{part:?}");
 }
@@ -279,22 +283,24 @@ fn what_does_not_fit_together_is_told() {
             lent.prior = Some(of.clone());
         }
     };
-    for (change, wanted) in [
-        (&(|study: &mut Study| study.drawn.curves = None) as &dyn Fn(&mut Study), "no [curves]"),
-        (&|study| study.drawn.claims[0].than.clear(), "it needs than and at"),
-        (&|study| study.drawn.claims[3].at = vec![Kept::All], "it needs than, and no at"),
-        (&|study| study.drawn.claims[0].better = "nobody".to_owned(), "no method 'nobody'; it has: paper, cloning, all"),
-        (&|study| study.drawn.claims[4].than = vec!["paper".to_owned()], "no method 'paper'"),
-        (&|study| study.drawn.weights = None, "[weights] does not name 'paper'"),
-        (&|study| study.drawn.figures[0].sets = vec!["five".to_owned()], "no set 'five'; it has: four"),
-        (&|study| study.drawn.weights.as_mut().expect("some").methods.push("no".to_owned()), "no method 'no'"),
-        (&lent("four", "four"), "must be another set"),
-        (&lent("four", "five"), "no set 'five'"),
-        (&lent("four", "other"), "of another task or variant"),
-    ] {
+    let tells = |change: &dyn Fn(&mut Study), wanted: &str| {
         let found = complaint(change);
         assert!(found.contains(wanted), "{found} does not say {wanted}");
-    }
+    };
+    tells(&|study| study.drawn.curves = None, "no [curves]");
+    tells(&|study| study.drawn.claims[0].than.clear(), "it needs than and at");
+    tells(&|study| study.drawn.claims[3].at = vec![Kept::All], "it needs than, and no at");
+    let nobody = "no method 'nobody'; it has: paper, cloning, all";
+    tells(&|study| study.drawn.claims[0].better = "nobody".to_owned(), nobody);
+    tells(&|study| study.drawn.claims[4].than = vec!["paper".to_owned()], "may hold \"chance\" alone");
+    tells(&|study| study.drawn.weights = None, "[weights] does not name 'paper'");
+    let no_set = "no set 'five'; it has: four";
+    tells(&|study| study.drawn.figures[0].sets = vec!["five".to_owned()], no_set);
+    let with_no = |study: &mut Study| study.drawn.weights.as_mut().expect("some").methods.push("no".to_owned());
+    tells(&with_no, "no method 'no'");
+    tells(&lent("four", "four"), "must be another set");
+    tells(&lent("four", "five"), "no set 'five'");
+    tells(&lent("four", "other"), "of another task or variant");
 }
 
 #[test]
@@ -325,11 +331,12 @@ fn a_cell_judges_from_the_prior_of_another_set_as_a_run_does() {
     let config = Config { seed: 7, ..config.clone() };
     let playground = Playground::new(&task);
     let (mut lender, mut ledger) = (InMemory::default(), InMemory::default());
-    let of = |set, ledger| Run { set, playground: &playground, config: &config, ledger, observer: Box::leak(Box::new(Silent)) };
-    experiment::prior(&mut of(&other, &mut lender)).expect("learns");
+    let (config, playground) = (&config, &playground);
+    let mut run = Run { set: &other, playground, config, ledger: &mut lender, observer: &mut Silent };
+    experiment::prior(&mut run).expect("learns");
     assert_eq!(judged.once.environment_steps, playground.steps_taken());
     experiment::hand_on_prior(&lender, &mut ledger).expect("kept");
-    let mut run = of(&set, &mut ledger);
+    let mut run = Run { set: &set, playground, config, ledger: &mut ledger, observer: &mut Silent };
     let table = experiment::scores(&mut run, Judge::Paper).expect("judges");
     assert_eq!(judged.scores(), table.suitabilities.iter().map(|of| of.gain()).collect::<Vec<_>>());
     let adaptation = judged.adaptation.expect("GAIL plays");
