@@ -533,17 +533,6 @@ pub(crate) enum PresetName {
     Paper,
 }
 
-impl PresetName {
-    /// As a study file writes it.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Quick => "quick",
-            Self::Standard => "standard",
-            Self::Paper => "paper",
-        }
-    }
-}
-
 impl From<PresetName> for Preset {
     fn from(name: PresetName) -> Self {
         match name {

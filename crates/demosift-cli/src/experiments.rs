@@ -68,8 +68,7 @@ mod tests {
             let mut known = BTreeMap::new();
             let mut shared = 0;
             for experiment in EXPERIMENTS {
-                let source =
-                    Source::BuiltIn { name: experiment.name, text: experiment.text, sets: &data() };
+                let source = Source::BuiltIn { name: experiment.name, text: experiment.text, sets: &data() };
                 let only = Only::default();
                 let asked = Asked { source, public: None, only: &only, preset: Some(preset), seeds: Some(1) };
                 let opened = study_file::open(&asked).unwrap();

@@ -61,7 +61,9 @@ impl Shown<'_> {
     /// How much of it is finished.
     fn extent(&self) -> String {
         let Told { finished: [there, all], seeds: [asked, whole], .. } = self.told;
-        format!("{there} of {all} cells are finished, all that can be named so far of {whole} of {asked} seeds.")
+        format!(
+            "{there} of {all} cells are finished, all that can be named so far of {whole} of {asked} seeds."
+        )
     }
 
     fn claim(&self, decided: &Decided) -> Section {
@@ -74,7 +76,9 @@ impl Shown<'_> {
             let mut row = vec![case.set.clone()];
             row.extend(case.kept.clone());
             let than = match (case.imitator, trains) {
-                (Some(imitator), true) => format!("{} − {}, {}", case.better, case.than, imitator_name(imitator)),
+                (Some(imitator), true) => {
+                    format!("{} − {}, {}", case.better, case.than, imitator_name(imitator))
+                }
                 _ => format!("{} − {}", case.better, case.than),
             };
             row.push(than);
@@ -105,7 +109,8 @@ impl Shown<'_> {
             Measure::Score | Measure::Distance => scale.signed(value),
         };
         let mean = written(mean);
-        let ends = interval.map_or(String::new(), |[low, high]| format!(" [{}, {}]", written(low), written(high)));
+        let ends =
+            interval.map_or(String::new(), |[low, high]| format!(" [{}, {}]", written(low), written(high)));
         format!("{mean}{ends} {unit}").trim_end().to_owned()
     }
 
@@ -232,7 +237,8 @@ impl Page<'_> {
         let Self { shown: Shown { compact, told, .. }, made } = self;
         let study = &compact.study;
         let preset = study.drawn.preset.as_deref().unwrap_or("standard");
-        let commit = made.commit.map_or("a commit that was not named".to_owned(), |commit| format!("commit {commit}"));
+        let commit =
+            made.commit.map_or("a commit that was not named".to_owned(), |commit| format!("commit {commit}"));
         let machine = made.machine.unwrap_or("a machine that was not named");
         let version = &compact.demosift;
         let mut text = format!(
@@ -338,8 +344,10 @@ fn verdict(decided: &Decided) -> String {
         (decided.count(Said::NotSeparable), "are not separable"),
         (decided.count(Said::TooFew), "have too few seeds"),
     ];
-    let said: Vec<String> =
-        counts.into_iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}")).collect();
+    let said: Vec<String> = counts
+        .into_iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, what)| format!("{count} {what}"))
+        .collect();
     format!("Of {} comparisons {}.", decided.cases.len(), said.join(", "))
 }
-

@@ -196,7 +196,8 @@ impl<'o> Studied<'o> {
         let opened = self.set_of(work);
         let (config, prior) = match work {
             Work::Judging { method, .. } | Work::Weighing { method, .. } => {
-                let of = |lender: &'o OpenedSet| PriorOf { set: &lender.set, config: lender.of_method(method) };
+                let of =
+                    |lender: &'o OpenedSet| PriorOf { set: &lender.set, config: lender.of_method(method) };
                 (opened.of_method(method), self.lender_of(work).map(of))
             }
             Work::Training { .. } => (&opened.training, None),

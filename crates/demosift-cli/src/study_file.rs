@@ -20,8 +20,8 @@ use serde::Deserialize;
 use crate::configuration::{self, Layer};
 use crate::task::{self, Chosen};
 
-use form::{File, MethodEntry, PoolEntry, RefereeEntry, SetEntry, known_preset, read};
 pub(crate) use form::{Asked, Source};
+use form::{File, MethodEntry, PoolEntry, RefereeEntry, SetEntry, known_preset, read};
 
 /// Where a study that comes with demosift says that its sets are; a checkout has them there.
 const SETS: &str = "../data";
@@ -98,7 +98,12 @@ pub(crate) fn open(asked: &Asked<'_>) -> Result<Opened> {
             imitators: regret.imitators.clone(),
             trainings: Seeds { first, count: regret.trainings },
         }),
-        pools: file.pools.iter().filter(|pool| is_there(&pool.set)).map(|pool| pool_of(pool, first)).collect(),
+        pools: file
+            .pools
+            .iter()
+            .filter(|pool| is_there(&pool.set))
+            .map(|pool| pool_of(pool, first))
+            .collect(),
         referees: (file.referees.iter().filter(|entry| is_there(&entry.set)))
             .map(|entry| refereed(entry, first))
             .collect::<Result<_>>()
@@ -133,7 +138,10 @@ fn drawn(file: &File, is_there: impl Fn(&String) -> bool) -> Drawn {
         weights: weights
             .as_ref()
             .and_then(|weights| Some(Weights { sets: left(&weights.sets)?, ..weights.clone() })),
-        figures: figures.iter().filter_map(|of| Some(Figure { sets: left(&of.sets)?, ..of.clone() })).collect(),
+        figures: figures
+            .iter()
+            .filter_map(|of| Some(Figure { sets: left(&of.sets)?, ..of.clone() }))
+            .collect(),
         claims: claims.iter().filter_map(|of| Some(Claim { sets: left(&of.sets)?, ..of.clone() })).collect(),
     }
 }

@@ -141,24 +141,43 @@ fn results(scratch: &Scratch, path: &str) -> Value {
 #[test]
 fn an_experiment_becomes_cells_figures_numbers_and_a_page() {
     let scratch = scratch("reproduce-whole");
-    let told = scratch.succeed("reproduce tiny.toml --out run --page pages/first.md --commit abc123 --machine a-toaster");
+    let told = scratch
+        .succeed("reproduce tiny.toml --out run --page pages/first.md --commit abc123 --machine a-toaster");
     assert!(told.starts_with("A tiny experiment\n"), "{told}");
-    for part in ["The paper: MAML chooses better than cloning.", "Our question: MAML is nearer.", "too few seeds", "(whole set)"] {
+    for part in [
+        "The paper: MAML chooses better than cloning.",
+        "Our question: MAML is nearer.",
+        "too few seeds",
+        "(whole set)",
+    ] {
         assert!(told.contains(part), "{told}");
     }
     let page = read(&scratch, "pages/first.md");
     let (head, rest) = page.split_once("\n\n").unwrap();
     assert_eq!(head, "# A tiny experiment");
     assert!(rest.starts_with("**This result is partial.**\n"), "two seeds are no result: {page}");
-    for part in ["commit abc123, a-toaster", "demosift reproduce tiny --preset standard", "![Curves](curves.svg)", "too few seeds", "The one judge is better.\nSo it is."] {
+    for part in [
+        "commit abc123, a-toaster",
+        "demosift reproduce tiny --preset standard",
+        "![Curves](curves.svg)",
+        "too few seeds",
+        "The one judge is better.\nSo it is.",
+    ] {
         assert!(page.contains(part), "{part} in {page}");
     }
-    assert!(page.lines().all(|line| line.starts_with('|') || !line.contains(". ")), "one sentence a line: {page}");
+    assert!(
+        page.lines().all(|line| line.starts_with('|') || !line.contains(". ")),
+        "one sentence a line: {page}"
+    );
     // Sets × K of two imitators: what cloning keeps is there for both; lines for top 1, top half, all and weights.
     let csv = read(&scratch, "pages/curves.csv");
     let lines: Vec<&str> = csv.lines().collect();
     assert_eq!(lines[0], "row,column,line,environment_steps,mean,deviation,seeds");
-    for wanted in ["\"four, gail\",MAML,top 1,0,", "\"four, cloning\",MAML,by weights,", "\"unseen, gail\",cloning,all,900,"] {
+    for wanted in [
+        "\"four, gail\",MAML,top 1,0,",
+        "\"four, cloning\",MAML,by weights,",
+        "\"unseen, gail\",cloning,all,900,",
+    ] {
         assert!(lines.iter().any(|line| line.starts_with(wanted)), "{wanted} in {csv}");
     }
     assert!(lines[1..].iter().all(|line| line.ends_with(",2")), "of both seeds: {csv}");
@@ -187,7 +206,11 @@ fn an_experiment_becomes_cells_figures_numbers_and_a_page() {
     fs::copy(scratch.0.join("tiny.json"), scratch.0.join("kept/fig3.json")).unwrap();
     scratch.succeed("reproduce kept --summary summary.md --json");
     let summary = read(&scratch, "summary.md");
-    for part in ["# What of the paper holds here\n", "| tiny | MAML chooses better than cloning | 0 | 0 | 0 | 4 | 2 of 2 |", "- [A tiny experiment](tiny.md)"] {
+    for part in [
+        "# What of the paper holds here\n",
+        "| tiny | MAML chooses better than cloning | 0 | 0 | 0 | 4 | 2 of 2 |",
+        "- [A tiny experiment](tiny.md)",
+    ] {
         assert!(summary.contains(part), "{part} in {summary}");
     }
 
@@ -236,7 +259,14 @@ fn a_dry_run_counts_and_a_preset_changes_what_it_says() {
     assert!(!scratch.0.join("runs").exists());
     let data = in_repository("data");
     let told = scratch.succeed(&format!("reproduce all --dry-run --preset quick --data {}", data.display()));
-    for part in ["Fig. 3: ", "Fig. 4 and 10: ", "Table 1: ", "judging by MAML + MI", "weighing by MAML", "trainings more depend"] {
+    for part in [
+        "Fig. 3: ",
+        "Fig. 4 and 10: ",
+        "Table 1: ",
+        "judging by MAML + MI",
+        "weighing by MAML",
+        "trainings more depend",
+    ] {
         assert!(told.contains(part), "{told}");
     }
     // The last one is made of cells that others have counted.
@@ -263,12 +293,19 @@ fn each_mistake_of_a_user_is_told() {
     refuses(
         &scratch,
         "reproduce fig2",
-        &["no experiment 'fig2'; there are: fig3, fig4, fig5, fig6, fig7, fig8, fig9, table1, all", "hint: or give a study file"],
+        &[
+            "no experiment 'fig2'; there are: fig3, fig4, fig5, fig6, fig7, fig8, fig9, table1, all",
+            "hint: or give a study file",
+        ],
     );
     refuses(
         &scratch,
         "reproduce fig3",
-        &["the folder of the demonstration sets is not there: data", "hint: call it in a checkout of demosift", "--data DIR"],
+        &[
+            "the folder of the demonstration sets is not there: data",
+            "hint: call it in a checkout of demosift",
+            "--data DIR",
+        ],
     );
     refuses(&scratch, "reproduce fig3 --data set", &["the set 'free_throw_8'", "set/free_throw_8"]);
     refuses(&scratch, "reproduce none.toml", &["the study file does not exist", "none.toml"]);
@@ -278,7 +315,11 @@ fn each_mistake_of_a_user_is_told() {
     refuses(&scratch, "reproduce tiny.toml --only five", &["no set 'five'; it has: four, lent, unseen"]);
     refuses(&scratch, "reproduce tiny.toml --only /papers", &["no method 'papers'", "weights, curves"]);
     let ordinary = in_repository("studies/point_mass.toml");
-    refuses(&scratch, &format!("reproduce {}", ordinary.display()), &["this study draws nothing", "hint: make it with demosift study"]);
+    refuses(
+        &scratch,
+        &format!("reproduce {}", ordinary.display()),
+        &["this study draws nothing", "hint: make it with demosift study"],
+    );
     let data = in_repository("data");
     refuses(
         &scratch,
@@ -287,13 +328,25 @@ fn each_mistake_of_a_user_is_told() {
     );
     for (from, to, wanted) in [
         ("draws = \"top_k\"", "draws = \"top\"", vec!["unknown variant `top`", "hint: docs/studies.md"]),
-        ("[by_preset.quick]", "[by_preset.fast]", vec!["no preset 'fast'; there are: quick, standard, paper"]),
+        (
+            "[by_preset.quick]",
+            "[by_preset.fast]",
+            vec!["no preset 'fast'; there are: quick, standard, paper"],
+        ),
         ("prior = \"lent\"", "prior = \"unseen\"", vec!["must be another set"]),
         ("bodies.json", "nobody.json", vec!["does not exist", "nobody.json"]),
         ("methods = [\"MAML\"]\nsets", "methods = [\"both\"]\nsets", vec!["no method 'both'"]),
         ("at = [1, \"half\"]", "at = [1, \"third\"]", vec!["K = third"]),
-        ("better = \"MAML\"", "better = \"MAMA\"", vec!["the claim 'MAML chooses better than cloning.'", "no method 'MAMA'"]),
-        ("inner.batch_steps", "inner.batch_step", vec!["there is no key inner.batch_step (from judging.values)"]),
+        (
+            "better = \"MAML\"",
+            "better = \"MAMA\"",
+            vec!["the claim 'MAML chooses better than cloning.'", "no method 'MAMA'"],
+        ),
+        (
+            "inner.batch_steps",
+            "inner.batch_step",
+            vec!["there is no key inner.batch_step (from judging.values)"],
+        ),
     ] {
         assert!(STUDY.contains(from), "{from}");
         fs::write(scratch.0.join("tiny.toml"), STUDY.replacen(from, to, 1)).unwrap();

@@ -65,3 +65,14 @@ pub(crate) struct ReproduceArguments {
     #[arg(long)]
     pub(crate) json: bool,
 }
+
+impl PresetName {
+    /// As a study file writes it.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Quick => "quick",
+            Self::Standard => "standard",
+            Self::Paper => "paper",
+        }
+    }
+}

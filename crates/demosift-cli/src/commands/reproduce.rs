@@ -36,9 +36,9 @@ pub(crate) fn run(arguments: &ReproduceArguments) -> Result<()> {
         named => named?,
     };
     if !data.is_dir() {
-        return Err(Error::bad_input("the folder of the demonstration sets is not there").at(&data).with_hint(
-            "call it in a checkout of demosift, or give its folder data: --data DIR",
-        ));
+        return Err(Error::bad_input("the folder of the demonstration sets is not there")
+            .at(&data)
+            .with_hint("call it in a checkout of demosift, or give its folder data: --data DIR"));
     }
     let sources: Vec<Source<'_>> = named
         .iter()
@@ -50,7 +50,9 @@ pub(crate) fn run(arguments: &ReproduceArguments) -> Result<()> {
 fn reproduce(arguments: &ReproduceArguments, sources: &[Source<'_>]) -> Result<()> {
     if sources.len() > 1 && arguments.page.as_ref().is_some_and(|page| is_page(page)) {
         let page = arguments.page.as_deref().unwrap_or(Path::new(""));
-        return Err(Error::bad_input("several experiments have a page each").at(page).with_hint("give a folder"));
+        return Err(Error::bad_input("several experiments have a page each")
+            .at(page)
+            .with_hint("give a folder"));
     }
     let (mut counted, mut all) = (BTreeSet::new(), Vec::new());
     for source in sources {
@@ -86,9 +88,11 @@ fn one(
     let only = Only { sets: None, ..only };
     opened.study.check_only(&only)?;
     if opened.study.drawn.is_nothing() {
-        return Err(Error::bad_input("this study draws nothing and claims nothing, so there is nothing to reproduce")
-            .at(Path::new(&arguments.experiment))
-            .with_hint("make it with demosift study, or add [[figures]] (docs/studies.md)"));
+        return Err(Error::bad_input(
+            "this study draws nothing and claims nothing, so there is nothing to reproduce",
+        )
+        .at(Path::new(&arguments.experiment))
+        .with_hint("make it with demosift study, or add [[figures]] (docs/studies.md)"));
     }
     let preset = opened.study.drawn.preset.clone().unwrap_or_else(|| "standard".to_owned());
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("runs/reproduce").join(preset));
@@ -129,7 +133,9 @@ fn draw_folder(arguments: &ReproduceArguments, folder: &Path) -> Result<()> {
     let results = experiments::EXPERIMENTS.iter().map(|of| folder.join(format!("{}.json", of.name)));
     let results: Vec<PathBuf> = results.filter(|path| path.is_file()).collect();
     if results.is_empty() {
-        return Err(Error::bad_input("the folder holds no results of an experiment, such as fig3.json").at(folder));
+        return Err(
+            Error::bad_input("the folder holds no results of an experiment, such as fig3.json").at(folder)
+        );
     }
     let all = results.iter().map(|path| draw_again(arguments, path)).collect::<Result<Vec<_>>>()?;
     summarize(arguments, &all)
@@ -138,7 +144,8 @@ fn draw_folder(arguments: &ReproduceArguments, folder: &Path) -> Result<()> {
 /// A file of results is drawn on any machine, without the sets.
 fn draw_again(arguments: &ReproduceArguments, path: &Path) -> Result<Summarized> {
     let ReproduceArguments { data, out, part, only, dry_run, from, preset, seeds, .. } = arguments;
-    let makes = data.is_some() || out.is_some() || part.is_some() || only.is_some() || from.is_some() || *dry_run;
+    let makes =
+        data.is_some() || out.is_some() || part.is_some() || only.is_some() || from.is_some() || *dry_run;
     if makes || preset.is_some() || seeds.is_some() {
         return Err(Error::bad_input("a file of results is only drawn, with --page or --json")
             .at(path)
@@ -159,7 +166,8 @@ fn tell(arguments: &ReproduceArguments, results: &Results, page: Option<&Path>) 
     let shown = Shown { compact, told: &told, decided: &decided };
     if let Some(page) = page {
         let folder = page.parent().unwrap_or(Path::new(""));
-        let write = |name: &str, bytes: &[u8]| undisturbed(|| files::write_atomically(&folder.join(name), bytes));
+        let write =
+            |name: &str, bytes: &[u8]| undisturbed(|| files::write_atomically(&folder.join(name), bytes));
         std::fs::create_dir_all(if folder.as_os_str().is_empty() { Path::new(".") } else { folder })
             .map_err(|error| Error::io("cannot make the folder of the page", folder, &error))?;
         for drawn in &study.drawn.figures {

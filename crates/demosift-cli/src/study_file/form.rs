@@ -143,11 +143,7 @@ pub(crate) enum Source<'a> {
     /// In a file.
     At(&'a Path),
     /// It comes with demosift; its sets lie in this folder.
-    BuiltIn {
-        name: &'a str,
-        text: &'a str,
-        sets: &'a Path,
-    },
+    BuiltIn { name: &'a str, text: &'a str, sets: &'a Path },
 }
 
 /// A study, and what of it is asked for.
@@ -221,7 +217,8 @@ pub(super) fn read(asked: &Asked<'_>) -> Result<File> {
 fn for_preset(mut whole: Table, asked: Option<&str>) -> Result<Table> {
     let own = whole.get("preset").and_then(Value::as_str);
     let preset = asked.or(own).unwrap_or("standard").to_owned();
-    let wrong = |what: String| Error::bad_config(what).with_hint("docs/studies.md has the form of a study file");
+    let wrong =
+        |what: String| Error::bad_config(what).with_hint("docs/studies.md has the form of a study file");
     let changes = match whole.remove(BY_PRESET) {
         Some(Value::Table(changes)) => changes,
         Some(_) => return Err(wrong(format!("{BY_PRESET} must be a table of tables named after presets"))),

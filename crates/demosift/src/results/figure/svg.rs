@@ -11,9 +11,11 @@ const HEIGHT: f64 = 130.0;
 /// Left of the first panel, for the title and the numbers of a row.
 const LEFT: f64 = 78.0;
 /// Between two panels of a row.
-const BESIDE: f64 = 18.0;
+const BESIDE: f64 = 28.0;
 /// Below a panel's axis, for its numbers.
-const BELOW: f64 = 40.0;
+const BELOW: f64 = 34.0;
+/// Below the last row, for what its axes show.
+const X_LABEL: f64 = 14.0;
 /// A line of a legend.
 const LEGEND: f64 = 16.0;
 /// Above the first row: title, note, legend, titles of columns.
@@ -21,8 +23,9 @@ const HEAD: f64 = 84.0;
 const MARGIN: f64 = 16.0;
 /// Names that fit into one legend for all panels.
 const SHARED: usize = 6;
-/// An estimate of how wide a letter is.
+/// Estimates of how wide a letter is, and one of the title.
 const LETTER: f64 = 6.2;
+const TITLE_LETTER: f64 = 8.8;
 
 /// After Okabe and Ito; the light and the dark shade of each.
 const COLORS: [[&str; 2]; 7] = [
@@ -42,11 +45,13 @@ pub fn svg(grid: &Grid) -> String {
     let pitch = HEIGHT + BELOW + below;
     let columns = grid.columns.len().max(1) as f64;
     // Titles and legends may be wider than few panels.
-    let legend = shared.as_deref().map_or(0.0, |lines| lines.iter().map(|line| entry_width(line)).sum::<f64>());
-    let words = grid.title.chars().count().max(grid.note.chars().count()) as f64 * LETTER;
+    let legend =
+        shared.as_deref().map_or(0.0, |lines| lines.iter().map(|line| entry_width(line)).sum::<f64>());
+    let wide = |text: &str, letter: f64| text.chars().count() as f64 * letter;
+    let words = wide(&grid.title, TITLE_LETTER).max(wide(&grid.note, LETTER));
     let panels = columns * (WIDTH + BESIDE);
     let width = LEFT + panels.max(legend + MARGIN).max(words - LEFT + 2.0 * MARGIN);
-    let height = HEAD + grid.rows.len() as f64 * pitch + MARGIN;
+    let height = HEAD + grid.rows.len() as f64 * pitch + X_LABEL + MARGIN;
     let mut text = head(width, height, &grid.title);
     let _ = writeln!(text, r#"<text class="ink title" x="{MARGIN}" y="24">{}</text>"#, escaped(&grid.title));
     let _ = writeln!(text, r#"<text class="soft" x="{MARGIN}" y="42">{}</text>"#, escaped(&grid.note));
@@ -60,7 +65,12 @@ pub fn svg(grid: &Grid) -> String {
     }
     for (number, row) in grid.rows.iter().enumerate() {
         let top = HEAD + number as f64 * pitch;
-        draw_row(&mut text, grid, row, top, shared.is_none());
+        let last = number + 1 == grid.rows.len();
+        draw_row(
+            &mut text,
+            row,
+            &Below { top, x_label: last.then_some(grid.x_label.as_str()), legends: shared.is_none() },
+        );
     }
     text.push_str("</svg>\n");
     text
@@ -98,7 +108,9 @@ fn head(width: f64, height: f64, title: &str) -> String {
          .ground{fill:#ffffff}.ink{fill:#1f2328}.soft{fill:#57606a}.axis{stroke:#8c959f;fill:none}.grid{stroke:#e4e8ec;fill:none}\n\
          .line{fill:none;stroke-width:1.6;stroke-linejoin:round}.thick{stroke-width:2.8}.dashed{stroke-dasharray:5 3}.band{stroke:none;fill-opacity:.17}\n",
     );
-    for (shade, [light, dark]) in [0, 1].into_iter().zip([["", ""], ["@media (prefers-color-scheme: dark){\n", "}\n"]]) {
+    for (shade, [light, dark]) in
+        [0, 1].into_iter().zip([["", ""], ["@media (prefers-color-scheme: dark){\n", "}\n"]])
+    {
         text.push_str(light);
         if shade == 1 {
             text.push_str(
@@ -115,7 +127,17 @@ fn head(width: f64, height: f64, title: &str) -> String {
     text
 }
 
-fn draw_row(text: &mut String, grid: &Grid, row: &Row, top: f64, own_legends: bool) {
+/// Where a row stands, and what stands below its axes.
+struct Below<'a> {
+    top: f64,
+    /// In the last row.
+    x_label: Option<&'a str>,
+    /// Whether each panel has a legend of its own.
+    legends: bool,
+}
+
+fn draw_row(text: &mut String, row: &Row, below: &Below<'_>) {
+    let Below { top, x_label, legends } = *below;
     let values = |line: &Line| -> Vec<f64> {
         let ends = line.mean.iter().zip(&line.deviation);
         ends.flat_map(|(mean, deviation)| [mean - deviation, mean + deviation]).collect()
@@ -132,8 +154,14 @@ fn draw_row(text: &mut String, grid: &Grid, row: &Row, top: f64, own_legends: bo
     }
     for (column, panel) in row.panels.iter().enumerate() {
         let left = LEFT + column as f64 * (WIDTH + BESIDE);
-        draw_panel(text, grid, panel, &Frame { left, top, y: &y, numbers: column == 0 });
-        if own_legends {
+        draw_panel(text, panel, &Frame { left, top, y: &y, numbers: column == 0 });
+        let (middle, under) =
+            (left + WIDTH / 2.0, top + HEIGHT + BELOW + if legends { 2.0 * LEGEND } else { 0.0 });
+        if let Some(label) = x_label.map(escaped) {
+            let _ =
+                writeln!(text, r#"<text class="soft middle" x="{middle:.1}" y="{under:.1}">{label}</text>"#);
+        }
+        if legends {
             let lines: Vec<&Line> = panel.lines.iter().collect();
             legend_at(text, &lines, Place { x: left, y: top + HEIGHT + BELOW }, left + WIDTH + BESIDE);
         }
@@ -151,20 +179,17 @@ struct Frame<'a> {
 
 impl Frame<'_> {
     fn place(&self, x_axis: &Axis, x: f64, y: f64) -> Place {
-        Place {
-            x: self.left + x_axis.share(x) * WIDTH,
-            y: self.top + (1.0 - self.y.share(y)) * HEIGHT,
-        }
+        Place { x: self.left + x_axis.share(x) * WIDTH, y: self.top + (1.0 - self.y.share(y)) * HEIGHT }
     }
 }
 
-fn draw_panel(text: &mut String, grid: &Grid, panel: &Panel, frame: &Frame<'_>) {
+fn draw_panel(text: &mut String, panel: &Panel, frame: &Frame<'_>) {
     let Frame { left, top, y, numbers } = *frame;
     let (right, bottom) = (left + WIDTH, top + HEIGHT);
     let points = panel.lines.iter().any(|line| line.stroke == Stroke::Points);
     let span = Span::of(panel.lines.iter().flat_map(|line| line.x.iter().copied()));
     let span = span.unwrap_or(Span { low: 0.0, high: 1.0 });
-    let x = Axis::of(if points { span.with_room(0.04) } else { span }, 4);
+    let x = Axis::of(if points { span.with_room(0.04) } else { span }, 5);
     for tick in &y.ticks {
         let at = frame.place(&x, x.low, *tick).y;
         let _ = writeln!(text, r#"<path class="grid" d="M{left:.1} {at:.1}H{right:.1}"/>"#);
@@ -176,7 +201,8 @@ fn draw_panel(text: &mut String, grid: &Grid, panel: &Panel, frame: &Frame<'_>) 
     let _ = writeln!(text, r#"<path class="axis" d="M{left:.1} {top:.1}V{bottom:.1}H{right:.1}"/>"#);
     if panel.lines.is_empty() {
         let (x, y) = (left + WIDTH / 2.0, top + HEIGHT / 2.0);
-        let _ = writeln!(text, r#"<text class="soft middle" x="{x:.1}" y="{y:.1}">nothing finished yet</text>"#);
+        let _ =
+            writeln!(text, r#"<text class="soft middle" x="{x:.1}" y="{y:.1}">nothing finished yet</text>"#);
         return;
     }
     for tick in &x.ticks {
@@ -185,8 +211,6 @@ fn draw_panel(text: &mut String, grid: &Grid, panel: &Panel, frame: &Frame<'_>) 
         let _ = writeln!(text, r#"<path class="axis" d="M{at:.1} {bottom:.1}V{to:.1}"/>"#);
         let _ = writeln!(text, r#"<text class="soft middle" x="{at:.1}" y="{under:.1}">{label}</text>"#);
     }
-    let (middle, under, label) = (left + WIDTH / 2.0, bottom + 28.0, escaped(&grid.x_label));
-    let _ = writeln!(text, r#"<text class="soft middle" x="{middle:.1}" y="{under:.1}">{label}</text>"#);
     panel.lines.iter().for_each(|line| draw_band(text, line, frame, &x));
     panel.lines.iter().for_each(|line| draw_line(text, line, frame, &x));
 }
@@ -197,7 +221,8 @@ fn draw_band(text: &mut String, line: &Line, frame: &Frame<'_>, x: &Axis) {
     }
     let ends = |sign: f64| {
         let each = line.x.iter().zip(&line.mean).zip(&line.deviation);
-        each.map(move |((at, mean), deviation)| frame.place(x, *at, mean + sign * deviation)).collect::<Vec<_>>()
+        each.map(move |((at, mean), deviation)| frame.place(x, *at, mean + sign * deviation))
+            .collect::<Vec<_>>()
     };
     let mut way = ends(1.0);
     way.extend(ends(-1.0).into_iter().rev());
@@ -252,7 +277,7 @@ fn path(way: &[Place]) -> String {
 }
 
 fn entry_width(line: &Line) -> f64 {
-    30.0 + line.name.chars().count() as f64 * LETTER
+    26.0 + line.name.chars().count() as f64 * LETTER
 }
 
 /// Entries beside each other, and below where there is no room up to `right`.

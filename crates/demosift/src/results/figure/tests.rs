@@ -15,7 +15,11 @@ fn line(name: &str, color: usize, stroke: Stroke) -> Line {
 
 fn grid() -> Grid {
     let full = Panel {
-        lines: vec![line("top 1", 0, Stroke::Solid), line("all", 3, Stroke::Dashed), line("by weights", 4, Stroke::Thick)],
+        lines: vec![
+            line("top 1", 0, Stroke::Solid),
+            line("all", 3, Stroke::Dashed),
+            line("by weights", 4, Stroke::Thick),
+        ],
     };
     Grid {
         title: "A & B".to_owned(),

@@ -92,11 +92,13 @@ fn decided(study: &Study, claim: &Claim, finished: &Finished) -> Decided {
         for than in &claim.than {
             match claim.measure {
                 Measure::Distance => cases.push(by_distance(set, claim, than, finished)),
-                Measure::OtherBody => cases
-                    .extend(claim.at.iter().map(|kept| by_body(study, set, claim, *kept, finished))),
+                Measure::OtherBody => {
+                    cases.extend(claim.at.iter().map(|kept| by_body(study, set, claim, *kept, finished)))
+                }
                 Measure::Score | Measure::Success => {
                     let imitators = study.drawn.curves.as_ref().map_or(&[][..], |curves| &curves.imitators);
-                    let each = imitators.iter().flat_map(|imitator| claim.at.iter().map(move |at| (*imitator, *at)));
+                    let each =
+                        imitators.iter().flat_map(|imitator| claim.at.iter().map(move |at| (*imitator, *at)));
                     cases.extend(each.map(|(imitator, kept)| {
                         let sides = Sides { study, set, claim, imitator, kept };
                         sides.compared(than, finished)
@@ -170,13 +172,7 @@ impl Names {
     }
 }
 
-fn case(
-    set: &Set,
-    names: Names,
-    kept: Option<String>,
-    imitator: Option<Rule>,
-    pairs: &[(f64, f64)],
-) -> Case {
+fn case(set: &Set, names: Names, kept: Option<String>, imitator: Option<Rule>, pairs: &[(f64, f64)]) -> Case {
     let Names { better, than } = names;
     let difference = paired_difference(pairs);
     let found = Said::of(difference.as_ref());

@@ -56,7 +56,8 @@ struct Run {
 impl Course {
     /// Of several runs, as far as all of them go; `None` of nothing.
     fn of(runs: &[Run]) -> Option<Self> {
-        let points = runs.iter().map(|run| run.value.len().min(run.at.len())).min().filter(|points| *points > 0)?;
+        let points =
+            runs.iter().map(|run| run.value.len().min(run.at.len())).min().filter(|points| *points > 0)?;
         let across = |value: fn(&Run) -> &[f64], point: usize| -> Vec<f64> {
             runs.iter().map(|run| value(run)[point]).collect()
         };

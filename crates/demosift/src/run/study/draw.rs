@@ -1,11 +1,11 @@
 //! What is finished of a study as figures in the layout of the paper's: a row for each set, a column for each method.
 
+use super::Finished;
 use super::choice::{Kept, TopK};
 use super::curves::{self, Course, Followed};
 use super::drawn::{Draws, Figure};
 use super::parts::Set;
 use super::plan::Study;
-use super::Finished;
 use crate::learning::adapt::Rule;
 use crate::math::statistics;
 use crate::results::figure::{Grid, Line, Panel, Row, Stroke};
@@ -53,8 +53,10 @@ fn note(grid: &Grid, study: &Study) -> String {
     let empty = grid.rows.iter().flat_map(|row| &row.panels).filter(|panel| panel.lines.is_empty()).count();
     let count = if fewest == most { most.to_string() } else { format!("{fewest} to {most}") };
     let mut words = format!("Mean and one standard deviation over {count} of {planned} seeds");
-    if empty > 0 {
-        words += &format!("; {empty} panels are not begun");
+    match empty {
+        0 => {}
+        1 => words += "; one panel is not begun",
+        _ => words += &format!("; {empty} panels are not begun"),
     }
     words
 }

@@ -129,7 +129,8 @@ pub fn weighing(means: &Means<'_>, seed: u64, clock: &mut dyn FnMut() -> f64) ->
     };
     let prior = experiment::prior(&mut run)?;
     let weighing = experiment::weighing(&mut run, &prior)?;
-    let weights = weighing.rounds.iter().map(|round| round.weights.iter().map(|(_, weight)| weight).collect());
+    let weights =
+        weighing.rounds.iter().map(|round| round.weights.iter().map(|(_, weight)| weight).collect());
     let mut demos = weighing.demos.clone();
     demos.sort_unstable();
     Ok(WeighingResult {

@@ -76,7 +76,8 @@ impl Study {
             return Err(Error::bad_config(format!("[weights] does not name '{}'", claim.better)));
         }
         if claim.measure == Measure::OtherBody
-            && let Some(set) = self.sets.iter().find(|set| claim.sets.contains(&set.name) && set.bodies.is_empty())
+            && let Some(set) =
+                self.sets.iter().find(|set| claim.sets.contains(&set.name) && set.bodies.is_empty())
         {
             return Err(Error::bad_config(format!("the set '{}' does not say its bodies", set.name)));
         }

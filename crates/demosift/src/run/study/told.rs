@@ -128,10 +128,8 @@ fn whole_seeds(study: &Study, finished: &Finished) -> usize {
 
 fn policies(study: &Study, set: &Set, finished: &Finished) -> Vec<PolicyLine> {
     let Some(drawn) = &study.drawn.curves else { return Vec::new() };
-    let mut kept: Vec<Kept> = TopK::all_of(&drawn.at, set.demonstrations)
-        .into_iter()
-        .map(|k| Kept::Top(TopK::Count(k)))
-        .collect();
+    let mut kept: Vec<Kept> =
+        TopK::all_of(&drawn.at, set.demonstrations).into_iter().map(|k| Kept::Top(TopK::Count(k))).collect();
     kept.push(Kept::Weights);
     let mut lines = Vec::new();
     for imitator in &drawn.imitators {

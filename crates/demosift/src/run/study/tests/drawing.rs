@@ -179,7 +179,8 @@ fn courses_are_means_with_the_deviation_of_a_sample() {
     let weighed = curves::of_weights(set, "paper", &finished);
     assert_eq!((weighed[0].demo, weighed[0].course.at.len()), (3, 3), "from 1, and both rounds");
     assert_eq!(weighed[0].course.mean, [1.0, 2.0, 2.0], "what has ended stays");
-    let many: Vec<curves::Followed> = (0..9).map(|demo| curves::Followed { demo, ..weighed[0].clone() }).collect();
+    let many: Vec<curves::Followed> =
+        (0..9).map(|demo| curves::Followed { demo, ..weighed[0].clone() }).collect();
     let ends: Vec<usize> = curves::both_ends(many).iter().map(|of| of.demo).collect();
     assert_eq!(ends, [0, 1, 2, 6, 7, 8]);
 }
@@ -191,7 +192,9 @@ fn a_figure_has_a_row_a_set_and_a_column_a_method() {
     let [top_k, adaptation, weights, bodies] = study.drawn.figures.as_slice() else { panic!("four") };
     let grid = draw::draw(&study, top_k, &finished);
     assert_eq!((grid.columns.len(), grid.rows.len()), (2, 1));
-    let names = |panel: usize| grid.rows[0].panels[panel].lines.iter().map(|line| line.name.as_str()).collect::<Vec<_>>();
+    let names = |panel: usize| {
+        grid.rows[0].panels[panel].lines.iter().map(|line| line.name.as_str()).collect::<Vec<_>>()
+    };
     assert_eq!(names(0), ["top 1", "top half", "all", "by weights"]);
     assert_eq!(names(1), ["top 1", "top half", "all"], "the judge by cloning has no weights");
     assert_eq!(grid.note, "Mean and one standard deviation over 3 of 10 seeds");
@@ -201,7 +204,11 @@ fn a_figure_has_a_row_a_set_and_a_column_a_method() {
     assert_eq!(draw::draw(&study, weights, &finished).rows[0].panels[1].lines.len(), 0);
     let marked = draw::draw(&study, bodies, &finished);
     let other = &marked.rows[0].panels[1].lines[1];
-    assert_eq!((other.name.as_str(), other.x.as_slice()), ("another body", &[4.0][..]), "cloning ranks it last");
+    assert_eq!(
+        (other.name.as_str(), other.x.as_slice()),
+        ("another body", &[4.0][..]),
+        "cloning ranks it last"
+    );
 }
 
 #[test]
@@ -296,7 +303,8 @@ fn what_does_not_fit_together_is_told() {
     tells(&|study| study.drawn.weights = None, "[weights] does not name 'paper'");
     let no_set = "no set 'five'; it has: four";
     tells(&|study| study.drawn.figures[0].sets = vec!["five".to_owned()], no_set);
-    let with_no = |study: &mut Study| study.drawn.weights.as_mut().expect("some").methods.push("no".to_owned());
+    let with_no =
+        |study: &mut Study| study.drawn.weights.as_mut().expect("some").methods.push("no".to_owned());
     tells(&with_no, "no method 'no'");
     tells(&lent("four", "four"), "must be another set");
     tells(&lent("four", "five"), "no set 'five'");
@@ -348,7 +356,10 @@ fn a_cell_judges_from_the_prior_of_another_set_as_a_run_does() {
     let before = playground.steps_taken();
     let weighing = experiment::weighing(&mut run, &prior).expect("weighs");
     let last = weighing.rounds.last().expect("some");
-    assert_eq!(weighed.weights.last().expect("some"), &last.weights.iter().map(|(_, of)| of).collect::<Vec<_>>());
+    assert_eq!(
+        weighed.weights.last().expect("some"),
+        &last.weights.iter().map(|(_, of)| of).collect::<Vec<_>>()
+    );
     assert_eq!(weighed.weighing.environment_steps, playground.steps_taken() - before);
     let planned = make::planned_weighing(&means).expect("has weights");
     assert!(planned >= weighed.once.environment_steps + weighed.weighing.environment_steps);
