@@ -16,7 +16,9 @@ use demosift::results::uncertainty::Uncertainty;
 use demosift::run::experiment::Selection;
 use demosift::run::forecast::Forecast;
 use demosift::run::study::Study;
+use demosift::run::study::claims::Decided;
 use demosift::run::study::summary::Summary;
+use demosift::run::study::told::Told;
 use demosift::stages::imitate::CurvePoint;
 use demosift::stages::judge::ScoreTable;
 use demosift::stages::method::{Costs, Method};
@@ -381,4 +383,17 @@ pub(crate) struct StudyDryRun<'a> {
     pub(crate) trainings_that_depend_on_them_at_most: usize,
     pub(crate) notes: &'a [String],
     pub(crate) study_folder: &'a Path,
+}
+
+/// `demosift reproduce`
+#[derive(Serialize)]
+pub(crate) struct Reproduced<'a> {
+    pub(crate) experiment: &'a str,
+    pub(crate) preset: Option<&'a str>,
+    pub(crate) partial: bool,
+    pub(crate) told: &'a Told,
+    pub(crate) claims: &'a [Decided],
+    pub(crate) failures: &'a [(String, String)],
+    pub(crate) notes: &'a [String],
+    pub(crate) page: Option<&'a Path>,
 }

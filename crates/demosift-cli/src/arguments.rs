@@ -1,5 +1,6 @@
 //! The command line as it is typed; [`crate::job`] resolves it.
 
+mod reproduce;
 mod study;
 
 use std::path::PathBuf;
@@ -16,6 +17,7 @@ use demosift::stages::select::Keep;
 use crate::interruption::GoesOn;
 use crate::{examples, version};
 
+pub(crate) use reproduce::ReproduceArguments;
 pub(crate) use study::{Part, StudyArguments};
 
 /// Which demonstrations should your agent learn from? Finds out by imitating each one.
@@ -58,6 +60,9 @@ pub(crate) enum Command {
     /// Find out which judge agrees best with the truth, over many sets and seeds
     #[command(after_help = examples::STUDY)]
     Study(StudyArguments),
+    /// Make an experiment of the paper again: its figures, its numbers, and a page that says what of it holds here
+    #[command(after_help = examples::REPRODUCE)]
+    Reproduce(ReproduceArguments),
     /// Write report.html into a run folder: all that the run found as one page to look at, with a 3-D replay
     #[command(after_help = examples::REPORT)]
     Report(ReportArguments),
@@ -104,7 +109,7 @@ impl Command {
     /// How it goes on where it was interrupted.
     pub(crate) fn goes_on(&self) -> GoesOn {
         match (self, self.run()) {
-            (Self::Study(_), _) => GoesOn::ByItself,
+            (Self::Study(_) | Self::Reproduce(_), _) => GoesOn::ByItself,
             (_, Some(_)) => GoesOn::WithResume,
             (_, None) => GoesOn::Never,
         }

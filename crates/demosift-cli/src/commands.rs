@@ -14,6 +14,7 @@ mod play;
 mod record;
 mod referee;
 mod report;
+mod reproduce;
 mod select;
 mod sift;
 mod standing;
@@ -39,6 +40,7 @@ pub(crate) fn run(command: Command) -> Result<()> {
         Command::Imitate(arguments) => imitate::run(&arguments),
         Command::Oracle(arguments) => oracle::run(&arguments),
         Command::Study(arguments) => study::run(&arguments),
+        Command::Reproduce(arguments) => reproduce::run(&arguments),
         Command::Play(arguments) => play::run(&arguments),
         Command::Inspect(arguments) => inspect::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),

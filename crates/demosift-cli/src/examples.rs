@@ -104,6 +104,24 @@ Examples:
   The tables of a result page, from a file of results:
     demosift study docs/results/verdict.json --table --markdown";
 
+pub(crate) const REPRODUCE: &str = "\
+Examples:
+  Does it run here? Figure 3 with two seeds and small budgets, in minutes:
+    demosift reproduce fig3 --preset quick
+  What would all experiments cost?
+    demosift reproduce all --dry-run
+  Figure 3 with ten seeds, shared out over two machines; the same lines go on after an interruption:
+    demosift reproduce fig3 --out /mnt/reproduce --part 1/2
+    demosift reproduce fig3 --out /mnt/reproduce --part 2/2
+  The figure with the seeds that are there by now:
+    demosift reproduce fig3 --out /mnt/reproduce --table
+  The page of a result, with the figure and its numbers beside it:
+    demosift reproduce fig3 --page docs/results/fig3.md --commit 4344517 --machine \"two cores of an x86-64 server\"
+  The same from the file of results alone, on any machine:
+    demosift reproduce docs/results/fig3.json --page docs/results/fig3.md
+  What of the paper holds, from all results in a folder:
+    demosift reproduce docs/results --summary docs/results/README.md";
+
 pub(crate) const REPORT: &str = "\
 Examples:
   Write the page again, such as after another stage:

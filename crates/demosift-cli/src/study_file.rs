@@ -1,131 +1,32 @@
 //! A study file: what it plans, its sets and its methods' configurations, all read and checked before a cell is made.
 
+mod form;
+
 use std::path::{Path, PathBuf};
 
 use demosift::basics::files;
 use demosift::data::demonstration::DemonstrationSet;
-use demosift::data::demonstration::episode::{Columns, Format};
+use demosift::data::demonstration::episode::Columns;
 use demosift::data::demonstration::open;
-use demosift::learning::adapt::Rule;
 use demosift::results::recording::Origin;
 use demosift::run::experiment::{self, Config};
 use demosift::run::preset::Preset;
 use demosift::run::study::{
-    Choice, Combination, CombinationRule, Judge, Known, Only, Pool, Refereed, Regret, Seeds, Set, Study, TopK,
+    Claim, Combination, Drawn, Figure, Judge, Known, Pool, Refereed, Regret, Seeds, Set, Study, TopK, Weights,
 };
 use demosift::world::rollout::Playground;
 use demosift::{Error, Result};
 use serde::Deserialize;
-use toml::Table;
 
 use crate::configuration::{self, Layer};
 use crate::task::{self, Chosen};
 use crate::{demonstrations, fit};
 
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct File {
-    preset: Option<String>,
-    seeds: SeedsEntry,
-    sets: Vec<SetEntry>,
-    methods: Vec<MethodEntry>,
-    #[serde(default)]
-    training: TrainingEntry,
-    oracle: Option<OracleEntry>,
-    hits_at: Option<Vec<TopK>>,
-    regret: Option<RegretEntry>,
-    #[serde(default)]
-    pools: Vec<PoolEntry>,
-    #[serde(default)]
-    referees: Vec<RefereeEntry>,
-}
+pub(crate) use form::{Asked, Source};
+use form::{File, MethodEntry, PoolEntry, RefereeEntry, SetEntry, known_preset, read};
 
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SeedsEntry {
-    #[serde(default)]
-    first: u64,
-    count: usize,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SetEntry {
-    name: String,
-    task: String,
-    variant: Option<String>,
-    /// Beside the study file.
-    data: Option<PathBuf>,
-    /// Who published it; then `file` is looked for in the folder of public sets.
-    source: Option<String>,
-    file: Option<PathBuf>,
-    sha256: Option<String>,
-    format: Option<Format>,
-    #[serde(default)]
-    observation_columns: Vec<String>,
-    #[serde(default)]
-    action_columns: Vec<String>,
-    episodes: Option<Vec<usize>>,
-    seeds: Option<usize>,
-    oracle_seeds: Option<usize>,
-    regret: Option<bool>,
-    returns: Option<Vec<f64>>,
-    stage: Option<PathBuf>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct MethodEntry {
-    name: String,
-    preset: Option<String>,
-    #[serde(default)]
-    clones: bool,
-    values: Option<Table>,
-    rule: Option<CombinationRule>,
-    of: Option<Vec<String>>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct TrainingEntry {
-    preset: Option<String>,
-    #[serde(default)]
-    values: Table,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct OracleEntry {
-    imitators: Vec<Rule>,
-    seeds: usize,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RegretEntry {
-    at: Vec<TopK>,
-    imitators: Vec<Rule>,
-    trainings: usize,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PoolEntry {
-    set: String,
-    subsets: Vec<Choice>,
-    imitator: Rule,
-    trainings: usize,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RefereeEntry {
-    set: String,
-    kept: Vec<Choice>,
-    /// As `--referee` writes trainings.
-    pools: String,
-    with: Vec<String>,
-}
+/// Where a study that comes with demosift says that its sets are; a checkout has them there.
+const SETS: &str = "../data";
 
 /// A study with all that its cells are made from.
 pub(crate) struct Opened {
@@ -151,25 +52,30 @@ pub(crate) struct OpenedSet {
     pub(crate) methods: Vec<(String, Config)>,
 }
 
-/// The name of a study: that of its file.
-pub(crate) fn name(path: &Path) -> String {
-    path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
-}
-
-/// Reads and checks everything; `public` is the folder of the public sets.
-pub(crate) fn open(path: &Path, public: Option<&Path>, only: &Only) -> Result<Opened> {
-    let file = read(path).map_err(|error| error.at(path))?;
-    let folder = path.parent().unwrap_or(Path::new("."));
+/// Reads and checks everything.
+pub(crate) fn open(asked: &Asked<'_>) -> Result<Opened> {
+    let path = &asked.source.path();
+    let file = read(asked).map_err(|error| error.at(path))?;
+    let folders = Folders {
+        study: path.parent().unwrap_or(Path::new(".")),
+        public: asked.public,
+        sets: match asked.source {
+            Source::At(_) => None,
+            Source::BuiltIn { sets, .. } => Some(sets),
+        },
+    };
     let known: Vec<&str> = file.sets.iter().map(|set| set.name.as_str()).collect();
-    if let Some(name) = only.sets.iter().flatten().find(|name| !known.contains(&name.as_str())) {
+    let named = |set: &SetEntry| asked.only.sets.as_ref().is_none_or(|names| names.contains(&set.name));
+    if let Some(name) = asked.only.sets.iter().flatten().find(|name| !known.contains(&name.as_str())) {
         let list = known.join(", ");
         return Err(Error::bad_config(format!("the study has no set '{name}'; it has: {list}")).at(path));
     }
-    let wanted = |set: &&SetEntry| only.sets.as_ref().is_none_or(|names| names.contains(&set.name));
+    // A set is judged from what was learned on another.
+    let lends = |set: &SetEntry| file.sets.iter().any(|of| named(of) && of.prior.as_ref() == Some(&set.name));
     let (mut sets, mut planned, mut notes) = (Vec::new(), Vec::new(), Vec::new());
-    for entry in file.sets.iter().filter(wanted) {
+    for entry in file.sets.iter().filter(|set| named(set) || lends(set)) {
         let during = |error: Error| error.during(&format!("the set '{}'", entry.name));
-        match open_set(entry, &file, Folders { study: folder, public }).map_err(during)? {
+        match open_set(entry, &file, folders).map_err(during)? {
             Found::There { opened, plan } => {
                 sets.push(*opened);
                 planned.push(*plan);
@@ -179,9 +85,9 @@ pub(crate) fn open(path: &Path, public: Option<&Path>, only: &Only) -> Result<Op
     }
     let there: Vec<String> = planned.iter().map(|set| set.name.clone()).collect();
     let is_there = |set: &String| !known.contains(&set.as_str()) || there.contains(set);
-    let referees = file.referees.iter().filter(|entry| is_there(&entry.set));
+    let first = file.seeds.first;
     let mut study = Study {
-        name: name(path),
+        name: asked.source.name(),
         sets: planned,
         methods: file.methods.iter().map(method).collect::<Result<_>>().map_err(|error| error.at(path))?,
         oracle: file.oracle.as_ref().map_or(Vec::new(), |oracle| oracle.imitators.clone()),
@@ -192,18 +98,19 @@ pub(crate) fn open(path: &Path, public: Option<&Path>, only: &Only) -> Result<Op
         regret: file.regret.as_ref().map(|regret| Regret {
             at: regret.at.clone(),
             imitators: regret.imitators.clone(),
-            trainings: Seeds { first: file.seeds.first, count: regret.trainings },
+            trainings: Seeds { first, count: regret.trainings },
         }),
         pools: file
             .pools
             .iter()
             .filter(|pool| is_there(&pool.set))
-            .map(|pool| pool_of(pool, file.seeds.first))
+            .map(|pool| pool_of(pool, first))
             .collect(),
-        referees: referees
-            .map(|entry| refereed(entry, file.seeds.first))
+        referees: (file.referees.iter().filter(|entry| is_there(&entry.set)))
+            .map(|entry| refereed(entry, first))
             .collect::<Result<_>>()
             .map_err(|error| error.at(path))?,
+        drawn: drawn(&file, is_there),
     };
     study.oracle.dedup();
     if study.sets.is_empty() {
@@ -215,21 +122,30 @@ pub(crate) fn open(path: &Path, public: Option<&Path>, only: &Only) -> Result<Op
     Ok(Opened { study, sets, notes })
 }
 
-fn read(path: &Path) -> Result<File> {
-    if !path.exists() {
-        return Err(Error::bad_input("the study file does not exist"));
+/// What is drawn of the sets that are there: what names others alone is left out.
+fn drawn(file: &File, is_there: impl Fn(&String) -> bool) -> Drawn {
+    let File { title, paper_says, preset, curves, weights, figures, claims, .. } = file;
+    if curves.is_none() && weights.is_none() && figures.is_empty() && claims.is_empty() {
+        return Drawn::default();
     }
-    let text = String::from_utf8(files::read(path)?)
-        .map_err(|_| Error::bad_input("the study file is not text in UTF-8"))?;
-    let wrong = |error: toml::de::Error| {
-        Error::bad_config(format!("this is not a study file: {}", error.to_string().trim_end()))
-            .with_hint("docs/studies.md has the form of a study file")
+    let left = |sets: &[String]| -> Option<Vec<String>> {
+        let left: Vec<String> = sets.iter().filter(|set| is_there(set)).cloned().collect();
+        (sets.is_empty() || !left.is_empty()).then_some(left)
     };
-    let file: File = toml::from_str(&text).map_err(wrong)?;
-    if file.seeds.count == 0 {
-        return Err(Error::bad_config("seeds.count = 0, and must be at least 1"));
+    Drawn {
+        title: title.clone(),
+        preset: preset.clone(),
+        paper: paper_says.clone(),
+        curves: curves.clone(),
+        weights: weights
+            .as_ref()
+            .and_then(|weights| Some(Weights { sets: left(&weights.sets)?, ..weights.clone() })),
+        figures: figures
+            .iter()
+            .filter_map(|of| Some(Figure { sets: left(&of.sets)?, ..of.clone() }))
+            .collect(),
+        claims: claims.iter().filter_map(|of| Some(Claim { sets: left(&of.sets)?, ..of.clone() })).collect(),
     }
-    Ok(file)
 }
 
 fn method(entry: &MethodEntry) -> Result<Judge> {
@@ -273,6 +189,18 @@ struct Folders<'a> {
     study: &'a Path,
     /// That of the public sets.
     public: Option<&'a Path>,
+    /// That of the sets that come with demosift, for a study that comes with it.
+    sets: Option<&'a Path>,
+}
+
+impl Folders<'_> {
+    /// What the study file means by a path.
+    fn find(&self, written: &Path) -> PathBuf {
+        match (self.sets, written.strip_prefix(SETS)) {
+            (Some(sets), Ok(rest)) => sets.join(rest),
+            _ => self.study.join(written),
+        }
+    }
 }
 
 enum Found {
@@ -322,8 +250,13 @@ fn open_set(entry: &SetEntry, file: &File, folders: Folders<'_>) -> Result<Found
         known.push(of_file("return", returns.clone())?);
     }
     if let Some(stage) = &entry.stage {
-        known.push(of_file("stage", stages(&folders.study.join(stage))?)?);
+        let stages = origins(&folders.find(stage))?.iter().map(|origin| origin.stage_score).collect();
+        known.push(of_file("stage", stages)?);
     }
+    let bodies = match &entry.bodies {
+        Some(path) => bodies(&folders.find(path), whole.len(), entry.episodes.as_deref())?,
+        None => Vec::new(),
+    };
     let oracle = file.oracle.as_ref().map_or(0, |oracle| entry.oracle_seeds.unwrap_or(oracle.seeds));
     let plan = Set {
         name: entry.name.clone(),
@@ -336,6 +269,8 @@ fn open_set(entry: &SetEntry, file: &File, folders: Folders<'_>) -> Result<Found
         oracle_seeds: Seeds { first: file.seeds.first, count: oracle },
         regret: entry.regret.unwrap_or(true),
         known,
+        prior: entry.prior.clone(),
+        bodies,
     };
     Ok(Found::There { opened: Box::new(opened), plan: Box::new(plan) })
 }
@@ -348,7 +283,7 @@ enum Located {
 
 fn located(entry: &SetEntry, folders: Folders<'_>) -> Result<Located> {
     let (source, file) = match (&entry.data, &entry.source, &entry.file) {
-        (Some(data), None, None) => return Ok(Located::At(folders.study.join(data))),
+        (Some(data), None, None) => return Ok(Located::At(folders.find(data))),
         (None, Some(source), Some(file)) if entry.sha256.is_some() => (source, file),
         _ => {
             return Err(Error::bad_config(
@@ -403,8 +338,8 @@ fn picked(kind: &str, values: Vec<f64>, whole: usize, episodes: Option<&[usize]>
     Ok(Known { kind: kind.to_owned(), values })
 }
 
-/// Mean heuristic of the demonstrator at the stage of each demonstration.
-fn stages(path: &Path) -> Result<Vec<f64>> {
+/// Where the demonstrations of a file came from, in their order.
+fn origins(path: &Path) -> Result<Vec<Origin>> {
     #[derive(Deserialize)]
     struct Origins {
         demonstrations: Vec<Origin>,
@@ -418,7 +353,20 @@ fn stages(path: &Path) -> Result<Vec<f64>> {
     })?;
     let mut origins = origins.demonstrations;
     origins.sort_by_key(|origin| origin.demonstration);
-    Ok(origins.into_iter().map(|origin| origin.stage_score).collect())
+    Ok(origins)
+}
+
+/// The task in whose body each demonstration was made, of those that are used.
+fn bodies(path: &Path, whole: usize, episodes: Option<&[usize]>) -> Result<Vec<String>> {
+    let all: Vec<String> = origins(path)?.into_iter().map(|origin| origin.task).collect();
+    if all.len() != whole {
+        let wrong = format!("it tells the bodies of {} demonstrations, and there are {whole}", all.len());
+        return Err(Error::bad_input(wrong).at(path));
+    }
+    Ok(match episodes {
+        Some(episodes) => episodes.iter().map(|episode| all[*episode].clone()).collect(),
+        None => all,
+    })
 }
 
 /// The task, by name or by its path from the study file, under one variant.
@@ -441,23 +389,21 @@ fn choose(entry: &SetEntry, folders: Folders<'_>) -> Result<Chosen> {
 }
 
 fn preset(name: Option<&String>, file: &File) -> Result<Preset> {
-    let name = name.or(file.preset.as_ref()).map_or("standard", String::as_str);
-    Preset::ALL.into_iter().find(|(known, _)| *known == name).map(|(_, preset)| preset).ok_or_else(|| {
-        let known: Vec<&str> = Preset::ALL.iter().map(|(known, _)| *known).collect();
-        Error::bad_config(format!("there is no preset '{name}'; there are: {}", known.join(", ")))
-    })
+    known_preset(name.or(file.preset.as_ref()).map_or("standard", String::as_str))
 }
 
 /// A configuration in layers, as that of a job is made.
-fn configuration(chosen: &Chosen, preset: Preset, layer: Layer) -> Result<Config> {
+fn configuration(chosen: &Chosen, preset: Preset, layers: &[Layer]) -> Result<Config> {
     let mut values = configuration::preset(preset, chosen.values.clone())?;
-    configuration::apply(&mut values, &layer)?;
+    for layer in layers {
+        configuration::apply(&mut values, layer)?;
+    }
     configuration::typed(configuration::of_job(values))
 }
 
 fn training(set: &DemonstrationSet, chosen: &Chosen, file: &File) -> Result<Config> {
     let values = Layer { source: "training.values".to_owned(), values: file.training.values.clone() };
-    let config = configuration(chosen, preset(file.training.preset.as_ref(), file)?, values)?;
+    let config = configuration(chosen, preset(file.training.preset.as_ref(), file)?, &[values])?;
     experiment::check(set, chosen.task.specification(), &config)?;
     Ok(config)
 }
@@ -465,9 +411,10 @@ fn training(set: &DemonstrationSet, chosen: &Chosen, file: &File) -> Result<Conf
 fn configurations(set: &DemonstrationSet, chosen: &Chosen, file: &File) -> Result<Vec<(String, Config)>> {
     let direct = file.methods.iter().filter(|method| method.of.is_none());
     let of = |method: &MethodEntry| -> Result<(String, Config)> {
+        let common = Layer { source: "judging.values".to_owned(), values: file.judging.values.clone() };
         let values = method.values.clone().unwrap_or_default();
-        let values = Layer { source: format!("the values of '{}'", method.name), values };
-        let config = configuration(chosen, preset(method.preset.as_ref(), file)?, values)?;
+        let own = Layer { source: format!("the values of '{}'", method.name), values };
+        let config = configuration(chosen, preset(method.preset.as_ref(), file)?, &[common, own])?;
         experiment::check(set, chosen.task.specification(), &config)?;
         experiment::check_budget(set, &Playground::new(chosen.task.as_ref()), &config)?;
         Ok((method.name.clone(), config))

@@ -17,21 +17,24 @@ use crate::writing::undisturbed;
 
 const CELLS: &str = "cells";
 const SET_ASIDE: &str = "set_aside";
-const RESULTS: &str = "study.json";
 
-/// What a cell of this set would be made with now.
-pub(crate) fn fingerprint(work: &Work, opened: &OpenedSet) -> Fingerprint {
+/// What a cell of this set would be made with now, its prior on the set of `lender`, where that is another.
+pub(crate) fn fingerprint(work: &Work, opened: &OpenedSet, lender: Option<&OpenedSet>) -> Fingerprint {
     let task = [Some(&opened.task), opened.chosen.variant.as_ref(), opened.chosen.sha256.as_ref()];
     let task: Vec<&str> = task.into_iter().flatten().map(String::as_str).collect();
-    let episodes = opened.episodes.as_ref().map_or(String::new(), |episodes| format!(" {episodes:?}"));
+    let demonstrations = |of: &OpenedSet| {
+        let episodes = of.episodes.as_ref().map_or(String::new(), |episodes| format!(" {episodes:?}"));
+        format!("{}{episodes}", of.sha256)
+    };
+    let lender = lender.map_or(String::new(), |lender| format!(", prior of {}", demonstrations(lender)));
     let config = match work {
         Work::Training { .. } => &opened.training,
-        Work::Judging { method, .. } => opened.of_method(method),
+        Work::Judging { method, .. } | Work::Weighing { method, .. } => opened.of_method(method),
     };
     Fingerprint {
         demosift: env!("CARGO_PKG_VERSION").to_owned(),
         task: task.join(" "),
-        set: format!("{}{episodes}", opened.sha256),
+        set: format!("{}{lender}", demonstrations(opened)),
         configuration: hash_of_entering(work, config),
     }
 }
@@ -131,8 +134,9 @@ impl StudyFolder {
         }
     }
 
-    /// The file of results.
-    pub(crate) fn store_results(&self, bytes: &[u8]) -> Result<()> {
-        undisturbed(|| files::write_atomically(&self.path.join(RESULTS), bytes))
+    /// The file of results of this name.
+    pub(crate) fn store_results(&self, name: &str, bytes: &[u8]) -> Result<()> {
+        let path = self.path.join(format!("{name}.json"));
+        undisturbed(|| files::write_atomically(&path, bytes))
     }
 }

@@ -327,7 +327,7 @@ fn each_mistake_of_a_user_is_told() {
     fs::write(scratch.0.join("file"), "").unwrap();
     refuses(&scratch, "study tiny.toml --out file", &["is a file; wanted a folder"]);
     fs::write(scratch.0.join("results.json"), "{\"version\": 7}").unwrap();
-    refuses(&scratch, "study results.json", &["has format version 7; this demosift reads version 2"]);
+    refuses(&scratch, "study results.json", &["has format version 7; this demosift reads versions 2 to 3"]);
     refuses(&scratch, "study results.json --part 1/2", &["only shown", "hint: give the study file"]);
     for (from, to, wanted) in [
         ("preset = \"quick\"", "presets = 1", vec!["unknown field `presets`", "hint: docs/studies.md"]),

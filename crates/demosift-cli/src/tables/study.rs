@@ -54,7 +54,7 @@ fn said(words: &str, markdown: bool) -> String {
     if markdown { words.replace(". ", ".\n") } else { wrapped(words) }
 }
 
-fn in_markdown(header: &[&str], rows: &[Vec<String>]) -> String {
+pub(crate) fn in_markdown(header: &[&str], rows: &[Vec<String>]) -> String {
     let line = |cells: &[String]| format!("| {} |\n", cells.join(" | ").replace("~", r"\~"));
     let header: Vec<String> = header.iter().map(|&cell| cell.to_owned()).collect();
     let rule = format!("|{}\n", "---|".repeat(header.len()));
@@ -270,12 +270,15 @@ pub(crate) struct Kind {
     pub(crate) name: String,
     pub(crate) cells: usize,
     pub(crate) environment_steps: u64,
+    /// At the pace of the finished cells of this kind, if there are any.
+    pub(crate) processor_hours: Option<f64>,
 }
 
 /// The kind of some work.
 pub(crate) fn kind(work: &Work) -> String {
     match work {
         Work::Judging { method, .. } => format!("judging by {method}"),
+        Work::Weighing { method, .. } => format!("weighing by {method}"),
         Work::Training { imitator: Rule::Gail, .. } => "training by gail".to_owned(),
         Work::Training { imitator: Rule::BehavioralCloning, .. } => "training by cloning".to_owned(),
     }
@@ -285,12 +288,20 @@ pub(crate) fn kind(work: &Work) -> String {
 pub(crate) fn forecast(kinds: &[Kind], finished: usize, later: usize, notes: &[String]) -> String {
     let rows: Vec<Vec<String>> = kinds
         .iter()
-        .map(|of| vec![of.name.clone(), of.cells.to_string(), rounded(of.environment_steps as f64)])
+        .map(|of| {
+            let hours = of.processor_hours.map_or("-".to_owned(), |hours| format!("{hours:.1}"));
+            vec![of.name.clone(), of.cells.to_string(), rounded(of.environment_steps as f64), hours]
+        })
         .collect();
     let mut told = format!("{finished} cells are finished.\n");
     if !rows.is_empty() {
-        let table = table(&["kind of cell", "cells", "environment steps"], &rows);
+        let table = table(&["kind of cell", "cells", "environment steps", "hours"], &rows);
         told += &format!("\nStill to be made:\n\n{table}");
+        let known = kinds.iter().filter(|of| of.processor_hours.is_some()).count();
+        told += match known {
+            0 => "\nHow many hours that is, is known once a cell of each kind is finished.\n",
+            _ => "\nHours are those of one processor, at the pace of the finished cells of the same kind.\n",
+        };
     }
     if later > 0 {
         told += &format!("\nUp to {later} trainings more depend on what judging finds.\n");

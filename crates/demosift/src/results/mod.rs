@@ -3,6 +3,7 @@
 pub mod artifact;
 pub mod data_only;
 pub mod decline;
+pub mod figure;
 pub mod gain;
 pub mod oracle;
 pub mod panel;

@@ -17,7 +17,11 @@
 //! All of a method's numbers are paired by seed with those of the others, and so are trainings.
 
 mod choice;
+pub mod claims;
 pub mod compact;
+pub mod curves;
+pub mod draw;
+mod drawn;
 pub mod estimate;
 mod fingerprint;
 pub mod make;
@@ -26,7 +30,9 @@ mod plan;
 pub mod pools;
 mod referee_rates;
 mod refereed;
+mod showing;
 pub mod summary;
+pub mod told;
 mod truth;
 mod work;
 
@@ -38,9 +44,11 @@ use crate::basics::files;
 use crate::data::demonstration::DemoId;
 use crate::learning::adapt::Rule;
 use crate::stages::imitate::CurvePoint;
+use crate::stages::subset_selection::WeighingEnd;
 use crate::world::heuristic::Score;
 
-pub use choice::{Choice, TopK};
+pub use choice::{Choice, Kept, TopK};
+pub use drawn::{By, CHANCE, Claim, Curves, Drawn, Draws, Figure, Measure, WHOLE, Weights};
 pub use fingerprint::{Fingerprint, hash_of_entering};
 pub use parts::{Known, Pool, Seeds, Set};
 pub use plan::{Combination, Judge, Only, Regret, Rule as CombinationRule, Study};
@@ -57,6 +65,15 @@ pub enum Work {
         /// Of which set.
         set: String,
         /// By which method.
+        method: String,
+        /// The root of all its random numbers.
+        seed: u64,
+    },
+    /// A method selects a subset by weights (Algorithm 3).
+    Weighing {
+        /// Of which set.
+        set: String,
+        /// From the prior of which method.
         method: String,
         /// The root of all its random numbers.
         seed: u64,
@@ -78,7 +95,14 @@ impl Work {
     /// The set that it is about.
     pub fn set(&self) -> &str {
         match self {
-            Self::Judging { set, .. } | Self::Training { set, .. } => set,
+            Self::Judging { set, .. } | Self::Weighing { set, .. } | Self::Training { set, .. } => set,
+        }
+    }
+
+    /// The root of its random numbers.
+    pub fn seed(&self) -> u64 {
+        match self {
+            Self::Judging { seed, .. } | Self::Weighing { seed, .. } | Self::Training { seed, .. } => *seed,
         }
     }
 
@@ -87,6 +111,9 @@ impl Work {
         match self {
             Self::Judging { set, method, seed } => {
                 format!("judging_{}_{}_{seed}", file_name(set), file_name(method))
+            }
+            Self::Weighing { set, method, seed } => {
+                format!("weighing_{}_{}_{seed}", file_name(set), file_name(method))
             }
             Self::Training { set, demos, imitator, seed } => {
                 format!(
@@ -134,6 +161,13 @@ pub struct Cost {
     pub seconds: f64,
 }
 
+impl Cost {
+    /// The seconds in hours.
+    pub fn processor_hours(&self) -> f64 {
+        self.seconds / 3600.0
+    }
+}
+
 impl std::ops::Add for Cost {
     type Output = Self;
 
@@ -169,6 +203,35 @@ pub struct JudgingResult {
     pub once: Cost,
     /// What judging all demonstrations cost on top.
     pub judging: Cost,
+    /// How the adaptations went, where episodes were played on the way; a compact file has it where a figure shows it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adaptation: Option<Adaptation>,
+}
+
+/// The heuristic in the course of imitating each demonstration.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Adaptation {
+    /// Inner updates made until then, `[points]`.
+    pub updates: Vec<usize>,
+    /// Mean K of the episodes that the next update learned from, over the repeats, `[n][points]`.
+    pub score: Vec<Vec<Score>>,
+}
+
+/// What came of selecting a subset by weights once.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WeighingResult {
+    /// The weights after each round, `[rounds][n]`.
+    pub weights: Vec<Vec<f64>>,
+    /// Why there were no more rounds.
+    pub end: WeighingEnd,
+    /// What is kept, in the order of the set.
+    pub demos: Vec<DemoId>,
+    /// What is paid once for a set: making the prior.
+    pub once: Cost,
+    /// What the rounds cost on top.
+    pub weighing: Cost,
 }
 
 impl JudgingResult {
@@ -245,6 +308,8 @@ pub struct TrainingResult {
 pub enum Found {
     /// Of judging.
     Judging(JudgingResult),
+    /// Of weighing.
+    Weighing(WeighingResult),
     /// Of training.
     Training(TrainingResult),
     /// Learning diverged, or the simulator did; it would again.
@@ -303,6 +368,15 @@ impl Finished {
         let work = Work::Judging { set: set.to_owned(), method: method.to_owned(), seed };
         match &self.0.get(&work.name())?.found {
             Found::Judging(result) => Some(result),
+            _ => None,
+        }
+    }
+
+    /// What weighing found, if it is finished and did not fail.
+    pub fn weighing(&self, set: &str, method: &str, seed: u64) -> Option<&WeighingResult> {
+        let work = Work::Weighing { set: set.to_owned(), method: method.to_owned(), seed };
+        match &self.0.get(&work.name())?.found {
+            Found::Weighing(result) => Some(result),
             _ => None,
         }
     }

@@ -40,6 +40,18 @@ impl TopK {
     }
 }
 
+/// What of a judging is kept: its top K, what weights select, or everything.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "Written", try_from = "Written")]
+pub enum Kept {
+    /// The first K.
+    Top(TopK),
+    /// What Algorithm 3 selects.
+    Weights,
+    /// The whole set.
+    All,
+}
+
 /// A number, a word or a list, as files hold them.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(untagged)]
@@ -77,6 +89,37 @@ impl From<TopK> for Written {
         match k {
             TopK::Count(count) => Self::Number(count),
             word => Self::Word(word.to_string()),
+        }
+    }
+}
+
+impl From<Kept> for Written {
+    fn from(kept: Kept) -> Self {
+        match kept {
+            Kept::Top(k) => k.into(),
+            word => Self::Word(word.to_string()),
+        }
+    }
+}
+
+impl fmt::Display for Kept {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Top(k) => k.fmt(out),
+            Self::Weights => "weights".fmt(out),
+            Self::All => "all".fmt(out),
+        }
+    }
+}
+
+impl TryFrom<Written> for Kept {
+    type Error = Error;
+
+    fn try_from(written: Written) -> Result<Self> {
+        match written {
+            Written::Word(word) if word == "weights" => Ok(Self::Weights),
+            Written::Word(word) if word == "all" => Ok(Self::All),
+            other => TopK::try_from(other).map(Self::Top),
         }
     }
 }

@@ -6,11 +6,15 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Number, Value};
 
 use super::pools::PoolSummary;
-use super::{Cell, Fingerprint, Finished, Found, Study, Work};
+use super::{Adaptation, Cell, Curve, Draws, Fingerprint, Finished, Found, Study, Work};
 use crate::basics::error::{Error, Result};
 
 /// Changes when a reader of before could no longer read the file.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
+/// The first version that this one reads.
+const OLDEST: u32 = 2;
+/// Points of a curve at most, where a figure shows it.
+const POINTS: usize = 25;
 /// Digits of a number that count.
 const DIGITS: usize = 6;
 
@@ -57,12 +61,11 @@ pub fn write(compact: &Compact, pools: &[PoolSummary]) -> Vec<u8> {
     let made_with: Vec<&Fingerprint> = made_with.into_iter().collect();
     let numbered = |cell: &Cell| Numbered {
         work: cell.work.clone(),
-        found: cell.found.clone(),
+        found: thinned(study, cell.found.clone()),
         of: made_with.binary_search(&&cell.fingerprint).expect("all of them are there"),
     };
     let lines = |values: Vec<Value>| {
-        let lines: Vec<String> =
-            values.into_iter().map(|value| rounded(without_curves(value)).to_string()).collect();
+        let lines: Vec<String> = values.into_iter().map(|value| rounded(value).to_string()).collect();
         if lines.is_empty() { "[]".to_owned() } else { format!("[\n{}\n]", lines.join(",\n")) }
     };
     let head = [
@@ -72,7 +75,7 @@ pub fn write(compact: &Compact, pools: &[PoolSummary]) -> Vec<u8> {
         format!("\"notes\":{}", json(notes)),
         format!("\"made_with\":{}", lines(made_with.iter().map(value).collect())),
         format!("\"cells\":{}", lines(finished.cells().map(|cell| value(&numbered(cell))).collect())),
-        format!("\"pools\":{}", lines(pools.iter().map(value).collect())),
+        format!("\"pools\":{}", lines(pools.iter().map(|pool| without_curves(value(pool))).collect())),
     ];
     format!("{{\n{}\n}}\n", head.join(",\n")).into_bytes()
 }
@@ -97,9 +100,9 @@ pub fn read(bytes: &[u8]) -> Result<Compact> {
     let wrong =
         |error: serde_json::Error| Error::bad_input(format!("this is not the file of a study: {error}"));
     let Versioned { version } = serde_json::from_slice(bytes).map_err(wrong)?;
-    if version != VERSION {
+    if !(OLDEST..=VERSION).contains(&version) {
         return Err(Error::bad_input(format!(
-            "this file of a study has format version {version}; this demosift reads version {VERSION}"
+            "this file of a study has format version {version}; this demosift reads versions {OLDEST} to {VERSION}"
         )));
     }
     let File { demosift, study, notes, made_with, cells, .. } =
@@ -117,7 +120,57 @@ pub fn read(bytes: &[u8]) -> Result<Compact> {
     Ok(Compact { demosift, study, notes, finished })
 }
 
-/// The same without the curves of trainings, which would be most of the file.
+/// The same with as much of its curves as figures of the study show: they would be most of the file.
+fn thinned(study: &Study, found: Found) -> Found {
+    match found {
+        Found::Training(mut training) => {
+            training.curve = match study.drawn.shows(Draws::TopK) {
+                true => thin(&training.curve),
+                false => Curve::default(),
+            };
+            Found::Training(training)
+        }
+        Found::Judging(mut judging) => {
+            judging.adaptation =
+                judging.adaptation.filter(|_| study.drawn.shows(Draws::Adaptation)).map(thin_adaptation);
+            Found::Judging(judging)
+        }
+        other => other,
+    }
+}
+
+fn thin(curve: &Curve) -> Curve {
+    let kept = places(curve.score.len());
+    Curve {
+        updates: picked(&curve.updates, &kept),
+        environment_steps: picked(&curve.environment_steps, &kept),
+        score: picked(&curve.score, &kept),
+        success: picked(&curve.success, &kept),
+    }
+}
+
+fn thin_adaptation(adaptation: Adaptation) -> Adaptation {
+    let kept = places(adaptation.updates.len());
+    Adaptation {
+        updates: picked(&adaptation.updates, &kept),
+        score: adaptation.score.iter().map(|score| picked(score, &kept)).collect(),
+    }
+}
+
+/// Which of so many points stay: the first, the last, and evenly between them.
+fn places(count: usize) -> Vec<usize> {
+    match count {
+        0..=POINTS => (0..count).collect(),
+        _ => (0..POINTS).map(|place| place * (count - 1) / (POINTS - 1)).collect(),
+    }
+}
+
+/// Of a list that may be shorter, such as that of successes nobody knows.
+fn picked<T: Copy>(all: &[T], places: &[usize]) -> Vec<T> {
+    places.iter().filter_map(|place| all.get(*place).copied()).collect()
+}
+
+/// The same without the curves of trainings.
 fn without_curves(value: Value) -> Value {
     match value {
         Value::Array(values) => values.into_iter().map(without_curves).collect(),

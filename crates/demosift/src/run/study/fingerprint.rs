@@ -50,9 +50,11 @@ pub fn hash_of_entering(work: &Work, config: &Config) -> String {
 /// Whether some part of the configuration can change what a cell finds; `keep` does, as repeats race for its cut.
 fn enters(work: &Work, judges: Judges, key: &str) -> bool {
     const NEVER_JUDGES: [&str; 4] = ["seed", "imitate", "subset_selection", "referee"];
+    const NEVER_WEIGHS: [&str; 6] = ["seed", "imitate", "referee", "cloning_judge", "judges", "keep"];
     const PAPER_ALONE: [&str; 5] = ["method", "inner", "meta_train", "mutual_information", "judge"];
     match (work, judges) {
         (Work::Training { .. }, _) => ["policy", "imitate"].contains(&key),
+        (Work::Weighing { .. }, _) => !NEVER_WEIGHS.contains(&key),
         (Work::Judging { .. }, _) if NEVER_JUDGES.contains(&key) => false,
         (Work::Judging { .. }, Judges::Cloning) => !PAPER_ALONE.contains(&key),
         (Work::Judging { .. }, Judges::Paper) => key != "cloning_judge",

@@ -1,17 +1,20 @@
 //! Making one cell: the same functions as a run of the command, with a ledger that forgets.
 
-use super::{Cost, Curve, JudgedDemonstration, JudgingResult, Outcome, TrainingResult};
+use super::{
+    Adaptation, Cost, Curve, JudgedDemonstration, JudgingResult, Outcome, TrainingResult, WeighingResult,
+};
 use crate::basics::error::{Error, Result};
-use crate::basics::ledger::InMemory;
+use crate::basics::ledger::{InMemory, Ledger};
 use crate::basics::observer::Silent;
 use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
-use crate::learning::adapt::Rule;
+use crate::learning::adapt::{Rule, UpdateReport};
 use crate::math::statistics;
 use crate::results::panel::{Judge, Judges};
 use crate::run::experiment::{self, Config, Run};
+use crate::run::forecast::{self, Goal};
 use crate::stages::imitate::{self, CurvePoint, ImitationState, Lesson};
-use crate::stages::judge::{Effort, Suitability};
+use crate::stages::judge::{Effort, ScoreTable, Suitability};
 use crate::stages::referee::imitation_by;
 use crate::world::environment::Task;
 use crate::world::heuristic::Score;
@@ -26,6 +29,17 @@ pub struct Means<'a> {
     pub task: &'a dyn Task,
     /// How; its own seed does not count.
     pub config: &'a Config,
+    /// Where the prior is learned, if that is not this set.
+    pub prior: Option<PriorOf<'a>>,
+}
+
+/// Another set on which a prior is learned.
+#[derive(Clone, Copy)]
+pub struct PriorOf<'a> {
+    /// V of the prior, whose task is the same.
+    pub set: &'a DemonstrationSet,
+    /// How; its own seed does not count.
+    pub config: &'a Config,
 }
 
 /// Judges a set once, by the judge that the configuration asks, or by the one of both that decides; `clock` says how many
@@ -36,18 +50,19 @@ pub struct Means<'a> {
 pub fn judging(means: &Means<'_>, seed: u64, clock: &mut dyn FnMut() -> f64) -> Result<JudgingResult> {
     let playground = Playground::new(means.task);
     let config = Config { seed, ..means.config.clone() };
+    let mut ledger = InMemory::default();
+    let mut passed = Passed::from_now(&playground, clock);
+    if config.judges.each().contains(&Judge::Paper) {
+        learn_prior(means, &playground, &config, &mut ledger)?;
+    }
+    let once = passed.since_last();
     let mut run = Run {
         set: means.set,
         playground: &playground,
         config: &config,
-        ledger: &mut InMemory::default(),
+        ledger: &mut ledger,
         observer: &mut Silent,
     };
-    let mut passed = Passed::from_now(&playground, clock);
-    if config.judges.each().contains(&Judge::Paper) {
-        experiment::prior(&mut run)?;
-    }
-    let once = passed.since_last();
     let judge = match config.judges {
         Judges::Cloning => Judge::Cloning,
         Judges::Paper => Judge::Paper,
@@ -57,7 +72,74 @@ pub fn judging(means: &Means<'_>, seed: u64, clock: &mut dyn FnMut() -> f64) -> 
     let judging = passed.since_last();
     let demonstrations = table.suitabilities.iter().map(judged).collect::<Result<_>>()?;
     let adapted_behaviors_distance = table.adapted_behaviors_distance();
-    Ok(JudgingResult { demonstrations, adapted_behaviors_distance, once, judging })
+    let adaptation = adaptation(&table);
+    Ok(JudgingResult { demonstrations, adapted_behaviors_distance, once, judging, adaptation })
+}
+
+/// Puts the prior into the ledger: that of the set itself, or of the one that the means name.
+fn learn_prior(
+    means: &Means<'_>,
+    playground: &Playground<'_>,
+    config: &Config,
+    ledger: &mut dyn Ledger,
+) -> Result<()> {
+    let observer = &mut Silent;
+    let Some(PriorOf { set, config: of }) = means.prior else {
+        experiment::prior(&mut Run { set: means.set, playground, config, ledger, observer })?;
+        return Ok(());
+    };
+    let (mut own, of) = (InMemory::default(), Config { seed: config.seed, ..of.clone() });
+    experiment::prior(&mut Run { set, playground, config: &of, ledger: &mut own, observer })?;
+    experiment::hand_on_prior(&own, ledger)
+}
+
+/// The mean over the repeats of what was played before each inner update; `None` where nothing was.
+fn adaptation(table: &ScoreTable) -> Option<Adaptation> {
+    let of_repeat = |reports: &Vec<UpdateReport>| -> Option<Vec<Score>> {
+        reports.iter().map(|report| report.score.filter(|score| score.is_finite())).collect()
+    };
+    let of_demo = |of: &Suitability| -> Option<Vec<Score>> {
+        let repeats: Vec<Vec<Score>> = of.curves.iter().map(of_repeat).collect::<Option<_>>()?;
+        let points = repeats.iter().map(Vec::len).min().filter(|points| *points > 0)?;
+        let at = |point: usize| statistics::mean_of(repeats.iter().map(|scores| scores[point]));
+        Some((0..points).map(at).collect())
+    };
+    let score: Vec<Vec<Score>> = table.suitabilities.iter().map(of_demo).collect::<Option<_>>()?;
+    let points = score.iter().map(Vec::len).min()?;
+    Some(Adaptation { updates: (0..points).collect(), score })
+}
+
+/// Selects a subset by weights once (Algorithm 3), from the prior that judging with this seed starts from.
+///
+/// # Errors
+/// `is_diverged` if learning does, `is_simulation` if the simulator fails, `is_bad_config` if the method has no weights.
+pub fn weighing(means: &Means<'_>, seed: u64, clock: &mut dyn FnMut() -> f64) -> Result<WeighingResult> {
+    let playground = Playground::new(means.task);
+    let config = Config { seed, ..means.config.clone() };
+    let mut ledger = InMemory::default();
+    let mut passed = Passed::from_now(&playground, clock);
+    learn_prior(means, &playground, &config, &mut ledger)?;
+    let once = passed.since_last();
+    let mut run = Run {
+        set: means.set,
+        playground: &playground,
+        config: &config,
+        ledger: &mut ledger,
+        observer: &mut Silent,
+    };
+    let prior = experiment::prior(&mut run)?;
+    let weighing = experiment::weighing(&mut run, &prior)?;
+    let weights =
+        weighing.rounds.iter().map(|round| round.weights.iter().map(|(_, weight)| weight).collect());
+    let mut demos = weighing.demos.clone();
+    demos.sort_unstable();
+    Ok(WeighingResult {
+        weights: weights.collect(),
+        end: weighing.end,
+        demos,
+        once,
+        weighing: passed.since_last(),
+    })
 }
 
 fn judged(suitability: &Suitability) -> Result<JudgedDemonstration> {
@@ -100,22 +182,44 @@ pub fn training(
 
 /// Environment steps that judging may take at most, where episodes last to the horizon.
 pub fn planned_judging(means: &Means<'_>) -> u64 {
-    let run = Run {
-        set: means.set,
-        playground: &Playground::new(means.task),
-        config: means.config,
-        ledger: &mut InMemory::default(),
-        observer: &mut Silent,
+    let task = means.task.specification();
+    let quota = |set, config| {
+        let (playground, ledger, observer) =
+            (&Playground::new(means.task), &mut InMemory::default(), &mut Silent);
+        experiment::budget(&Run { set, playground, config, ledger, observer }).quota
     };
-    let of = |judge: &Judge| match judge {
-        Judge::Paper => experiment::budget(&run).quota,
-        Judge::Cloning => {
+    let judged = |set: &DemonstrationSet, config: &Config| {
+        Effort::of(set.len(), task, &config.judge, &config.inner, false).steps()
+    };
+    let of = |judge: &Judge| match (judge, means.prior) {
+        (Judge::Paper, None) => quota(means.set, means.config),
+        (Judge::Paper, Some(PriorOf { set, config })) => {
+            quota(set, config).saturating_sub(judged(set, config)) + judged(means.set, means.config)
+        }
+        (Judge::Cloning, _) => {
             let judging = &means.config.cloning_judge.judging;
             let inner = &experiment::cloning_update(means.config);
-            Effort::of(means.set.len(), means.task.specification(), judging, inner, true).steps()
+            Effort::of(means.set.len(), task, judging, inner, true).steps()
         }
     };
     means.config.judges.each().iter().map(of).sum()
+}
+
+/// Environment steps that weighing may take at most, its prior among them, where episodes last to the horizon.
+///
+/// # Errors
+/// `is_bad_config` if the method has no weights.
+pub fn planned_weighing(means: &Means<'_>) -> Result<u64> {
+    let playground = &Playground::new(means.task);
+    let steps = |set, config, goal| -> Result<u64> {
+        let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
+        let planned = forecast::planned(&Run { set, playground, config, ledger, observer }, goal)?;
+        Ok(planned.iter().map(|stage| stage.environment_steps).sum())
+    };
+    let whole = steps(means.set, means.config, Goal::Weighing)?;
+    let Some(PriorOf { set, config }) = means.prior else { return Ok(whole) };
+    let own = steps(means.set, means.config, Goal::Prior)?;
+    Ok(whole - own + steps(set, config, Goal::Prior)?)
 }
 
 /// Environment steps that a training takes, where episodes last to the horizon.

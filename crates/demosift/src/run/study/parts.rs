@@ -46,6 +46,19 @@ pub struct Set {
     pub regret: bool,
     /// What is known to be true of each demonstration, beside the oracle.
     pub known: Vec<Known>,
+    /// The set on which each method learns its prior, where that is another.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prior: Option<String>,
+    /// The task in whose body each demonstration was made, where that is to be shown; nothing judges by it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bodies: Vec<String>,
+}
+
+impl Set {
+    /// Whether each demonstration was made by another body than the task's; nothing, where it is not known.
+    pub fn by_others(&self) -> Vec<bool> {
+        self.bodies.iter().map(|body| *body != self.task).collect()
+    }
 }
 
 /// What is known of the demonstrations of a set, such as their returns.

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::choice::{Choice, TopK};
+use super::drawn::Drawn;
 use super::file_name;
 use super::parts::{Known, Pool, Seeds, Set};
 use super::refereed::Refereed;
@@ -30,6 +31,9 @@ pub struct Study {
     /// What the referee says of trainings that are drawn again.
     #[serde(default)]
     pub referees: Vec<Refereed>,
+    /// What is drawn, and what is claimed of it.
+    #[serde(default, skip_serializing_if = "Drawn::is_nothing")]
+    pub drawn: Drawn,
 }
 
 /// A method of judging.
@@ -81,7 +85,7 @@ pub struct Regret {
 pub struct Only {
     /// Names of sets.
     pub sets: Option<Vec<String>>,
-    /// Names of methods, and [`Only::ORACLE`], [`Only::REGRET`] and [`Only::POOLS`].
+    /// Names of methods, and [`Only::ORACLE`], [`Only::REGRET`], [`Only::POOLS`], [`Only::WEIGHTS`] and [`Only::CURVES`].
     pub methods: Option<Vec<String>>,
 }
 
@@ -92,7 +96,11 @@ impl Only {
     pub const REGRET: &str = "regret";
     /// The trainings of pools, the referee's among them.
     pub const POOLS: &str = "pools";
-    const KINDS: [&str; 3] = [Self::ORACLE, Self::REGRET, Self::POOLS];
+    /// The selections by weights of the methods that are named.
+    pub const WEIGHTS: &str = "weights";
+    /// The trainings on what the methods that are named keep, and on the whole set.
+    pub const CURVES: &str = "curves";
+    const KINDS: [&str; 5] = [Self::ORACLE, Self::REGRET, Self::POOLS, Self::WEIGHTS, Self::CURVES];
 
     /// Whether a method or a kind of trainings is to be done.
     pub(super) fn names(&self, name: &str) -> bool {
@@ -144,6 +152,8 @@ impl Study {
                 }
             }
         }
+        self.sets.iter().try_for_each(|set| self.check_prior(set))?;
+        self.check_drawn()?;
         self.pools.iter().try_for_each(|pool| self.check_pool(pool))?;
         self.referees.iter().try_for_each(|refereed| {
             refereed.check()?;
@@ -155,6 +165,28 @@ impl Study {
     pub(super) fn all_pools(&self) -> Vec<Pool> {
         let of_referee = |refereed: &Refereed| refereed.pools(self.set(&refereed.set));
         self.pools.iter().cloned().chain(self.referees.iter().flat_map(of_referee)).collect()
+    }
+
+    /// Whether the prior that a set is judged from can be learned on the set that it names.
+    fn check_prior(&self, set: &Set) -> Result<()> {
+        let Some(name) = &set.prior else { return Ok(()) };
+        let of = self.set(name).ok_or_else(|| unknown("set", name, self.set_names()))?;
+        let wrong = |what: String| Err(Error::bad_config(format!("the set '{}': {what}", set.name)));
+        if of.name == set.name || of.prior.is_some() {
+            return wrong(format!("its prior = \"{name}\" must be another set, which has no prior itself"));
+        }
+        match (&of.task, &of.variant) == (&set.task, &set.variant) {
+            true => Ok(()),
+            false => wrong(format!("its prior is learned on '{name}', which is of another task or variant")),
+        }
+    }
+
+    pub(super) fn check_methods(&self, named: &[String], besides: &[&str]) -> Result<()> {
+        check_known("method", named, self.method_names().into_iter().chain(besides.iter().copied()).collect())
+    }
+
+    pub(super) fn check_sets(&self, named: &[String]) -> Result<()> {
+        check_known("set", named, self.set_names())
     }
 
     fn check_combination(&self, method: &Judge) -> Result<()> {

@@ -3,6 +3,8 @@ use super::work::top;
 use super::*;
 use crate::math::agreement;
 
+mod drawing;
+
 fn seeds(count: usize) -> Seeds {
     Seeds { first: 0, count }
 }
@@ -28,6 +30,8 @@ fn study() -> Study {
             oracle_seeds: seeds(2),
             regret: true,
             known: vec![Known { kind: "return".to_owned(), values: vec![1.0, 2.0, 3.0, 4.0] }],
+            prior: None,
+            bodies: Vec::new(),
         }],
         methods: vec![
             judge("paper", false, None),
@@ -43,6 +47,7 @@ fn study() -> Study {
         }),
         pools: Vec::new(),
         referees: Vec::new(),
+        drawn: Drawn::default(),
     }
 }
 
@@ -57,6 +62,7 @@ fn judged(method: &str, seed: u64, scores: [f64; 4]) -> Cell {
             adapted_behaviors_distance: 0.5,
             once: cost(1000),
             judging: cost(400),
+            adaptation: None,
         }),
         fingerprint: Fingerprint::default(),
     }
@@ -116,7 +122,7 @@ fn trainings_on_the_top_1_are_those_of_the_oracle() {
         .iter()
         .map(|work| match work {
             Work::Training { demos, .. } => demos.clone(),
-            Work::Judging { .. } => panic!("all are judged"),
+            _ => panic!("all are judged"),
         })
         .collect();
     subsets.sort();
@@ -437,7 +443,7 @@ fn a_cell_is_what_a_run_finds() {
     (config.imitate.environment_steps, config.imitate.update.batch_steps) = (900, 300);
     config.judges = crate::results::panel::Judges::Paper;
     let task = PointMass::new();
-    let means = make::Means { set: &set, task: &task, config: &config };
+    let means = make::Means { set: &set, task: &task, config: &config, prior: None };
     let mut ticks = 0.0;
     let mut clock = || {
         ticks += 1.0;

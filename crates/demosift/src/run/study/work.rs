@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use rand::seq::IndexedRandom as _;
 
-use super::choice::{Choice, TopK};
+use super::choice::{Choice, Kept, TopK};
 use super::parts::Set;
 use super::plan::{Combination, Judge, Only, Regret, Rule, Study};
 use super::{Finished, Work};
@@ -36,6 +36,9 @@ impl Study {
                 work.extend(set.seeds.each().map(judging));
             }
         }
+        for set in sets.iter().filter(|_| only.names(Only::WEIGHTS)) {
+            work.extend(self.weighing_work(set, only));
+        }
         for imitator in [adapt::Rule::BehavioralCloning, adapt::Rule::Gail] {
             for set in &sets {
                 // The same subset may be asked for several times.
@@ -44,9 +47,12 @@ impl Study {
                 if only.names(Only::ORACLE) {
                     self.oracle_work(set, imitator, &mut trainings);
                 }
+                let methods: Vec<&Judge> =
+                    self.methods.iter().filter(|method| only.names(&method.name)).collect();
+                if only.names(Only::CURVES) {
+                    self.curve_work(set, &methods, imitator, finished, &mut trainings);
+                }
                 if only.names(Only::REGRET) {
-                    let methods: Vec<&Judge> =
-                        self.methods.iter().filter(|method| only.names(&method.name)).collect();
                     self.regret_work(set, &methods, imitator, finished, &mut trainings);
                 }
                 if only.names(Only::POOLS) {
@@ -89,6 +95,67 @@ impl Study {
         }
     }
 
+    fn weighing_work(&self, set: &Set, only: &Only) -> Vec<Work> {
+        let Some(weights) = self.drawn.weights.as_ref().filter(|weights| weights.is_about(&set.name)) else {
+            return Vec::new();
+        };
+        let methods = weights.methods.iter().filter(|method| only.names(method));
+        let of = |method: &String| {
+            let (set, method) = (set.clone(), method.clone());
+            set.seeds.each().map(move |seed| Work::Weighing {
+                set: set.name.clone(),
+                method: method.clone(),
+                seed,
+            })
+        };
+        methods.flat_map(of).collect()
+    }
+
+    /// What is kept with a seed is learned with the same seed.
+    fn curve_work(
+        &self,
+        set: &Set,
+        methods: &[&Judge],
+        imitator: adapt::Rule,
+        finished: &Finished,
+        work: &mut Vec<Work>,
+    ) {
+        let curves = self.drawn.curves.as_ref().filter(|curves| curves.imitators.contains(&imitator));
+        let Some(curves) = curves else { return };
+        let mut kept: Vec<Kept> = vec![Kept::All];
+        let at = TopK::all_of(&curves.at, set.demonstrations);
+        kept.extend(at.into_iter().map(|k| Kept::Top(TopK::Count(k))));
+        kept.push(Kept::Weights);
+        for kept in kept {
+            for method in methods {
+                let of = |seed| {
+                    let demos = self.kept(set, &method.name, kept, seed, finished)?;
+                    Some(training(set, &demos, imitator, seed))
+                };
+                work.extend(set.seeds.each().filter_map(of));
+            }
+        }
+    }
+
+    /// What a method keeps of a set with a seed, in the order of the set; `None` until it is known, and where there is none.
+    pub fn kept(
+        &self,
+        set: &Set,
+        method: &str,
+        kept: Kept,
+        seed: u64,
+        finished: &Finished,
+    ) -> Option<Vec<DemoId>> {
+        match kept {
+            Kept::All => Some((0..set.demonstrations).map(DemoId).collect()),
+            Kept::Top(k) => {
+                let scores = self.scores(set, self.method(method)?, seed, finished)?;
+                Some(top(&scores, k.of(set.demonstrations)?))
+            }
+            Kept::Weights => Some(finished.weighing(&set.name, method, seed)?.demos.clone()),
+        }
+    }
+
     fn pool_work(&self, set: &Set, imitator: adapt::Rule, finished: &Finished, work: &mut Vec<Work>) {
         let pools = self.all_pools();
         for pool in pools.iter().filter(|pool| pool.set == set.name && pool.imitator == imitator) {
@@ -119,6 +186,14 @@ impl Study {
                 let subsets = methods * set.seeds.count + 1;
                 let ks = TopK::all_of(&regret.at, set.demonstrations).len();
                 most += regret.imitators.len() * ks * subsets * regret.trainings.count;
+            }
+            if let Some(curves) = self.drawn.curves.as_ref().filter(|_| only.names(Only::CURVES)) {
+                let weighed = self.drawn.weights.as_ref().filter(|weights| weights.is_about(&set.name));
+                let by_weights = weighed
+                    .map_or(0, |weights| weights.methods.iter().filter(|method| only.names(method)).count());
+                let at = TopK::all_of(&curves.at, set.demonstrations).len();
+                let whole = methods.min(1);
+                most += curves.imitators.len() * set.seeds.count * (at * methods + by_weights + whole);
             }
             if only.names(Only::POOLS) {
                 let pools = self.all_pools();

@@ -1,0 +1,96 @@
+//! Whether what a study draws fits its sets and methods, and whether a cell has all that is to be shown of it.
+
+use super::choice::Kept;
+use super::drawn::{CHANCE, Claim, Drawn, Draws, Measure, WHOLE, Weights};
+use super::plan::{Judge, Study};
+use super::{Cell, Found, Work};
+use crate::basics::error::{Error, Result};
+
+impl Study {
+    /// Whether a cell of a file of results still has all that this study shows of it: such a file has curves only where its
+    /// own figures show them.
+    pub fn has_all_to_show(&self, cell: &Cell) -> bool {
+        match &cell.found {
+            Found::Training(training) => !self.drawn.shows(Draws::TopK) || !training.curve.is_empty(),
+            // A judge by cloning plays nothing on the way, so that it never has any.
+            Found::Judging(judging) => {
+                let is_followed = self.method_of(&cell.work).is_some_and(|method| !method.clones);
+                !(is_followed && self.drawn.shows(Draws::Adaptation)) || judging.adaptation.is_some()
+            }
+            Found::Weighing(_) | Found::Failed(_) => true,
+        }
+    }
+
+    fn method_of(&self, work: &Work) -> Option<&Judge> {
+        match work {
+            Work::Judging { method, .. } | Work::Weighing { method, .. } => self.method(method),
+            Work::Training { .. } => None,
+        }
+    }
+
+    /// Whether what is drawn is of sets and methods of the study.
+    pub(super) fn check_drawn(&self) -> Result<()> {
+        let Drawn { curves, weights, figures, claims, .. } = &self.drawn;
+        if let Some(curves) = curves
+            && curves.imitators.is_empty()
+        {
+            return Err(Error::bad_config("curves.imitators is empty, and must name who learns"));
+        }
+        if let Some(Weights { methods, sets }) = weights {
+            self.check_methods(methods, &[])?;
+            self.check_sets(sets)?;
+            if let Some(name) = methods.iter().find(|name| !self.has_cells(name)) {
+                return Err(Error::bad_config(format!("'{name}' combines others, so it has no weights")));
+            }
+        }
+        for figure in figures {
+            self.check_methods(&figure.methods, &[])?;
+            self.check_sets(&figure.sets)?;
+        }
+        for claim in claims {
+            self.check_claim(claim).map_err(|error| error.during(&format!("the claim '{}'", claim.says)))?;
+        }
+        Ok(())
+    }
+
+    fn check_claim(&self, claim: &Claim) -> Result<()> {
+        self.check_methods(std::slice::from_ref(&claim.better), &[WHOLE])?;
+        match claim.measure {
+            Measure::OtherBody if claim.than.iter().any(|than| than != CHANCE) => {
+                return Err(Error::bad_config(format!("than may hold \"{CHANCE}\" alone, by this measure")));
+            }
+            Measure::OtherBody => {}
+            Measure::Distance => self.check_methods(&claim.than, &[])?,
+            Measure::Score | Measure::Success => self.check_methods(&claim.than, &[WHOLE])?,
+        }
+        self.check_sets(&claim.sets)?;
+        let wants_k = claim.measure != Measure::Distance;
+        if claim.than.is_empty() || wants_k == claim.at.is_empty() {
+            let what = if wants_k { "than and at, which may not be empty" } else { "than, and no at" };
+            return Err(Error::bad_config(format!("it needs {what}")));
+        }
+        let weighs = claim.at.contains(&Kept::Weights) || claim.than_at == Some(Kept::Weights);
+        let weighed = self.drawn.weights.as_ref();
+        let is_weighed = |name: &String| weighed.is_some_and(|weights| weights.methods.contains(name));
+        if weighs && !is_weighed(&claim.better) {
+            return Err(Error::bad_config(format!("[weights] does not name '{}'", claim.better)));
+        }
+        if claim.measure == Measure::OtherBody
+            && let Some(set) =
+                self.sets.iter().find(|set| claim.sets.contains(&set.name) && set.bodies.is_empty())
+        {
+            return Err(Error::bad_config(format!("the set '{}' does not say its bodies", set.name)));
+        }
+        let trains = matches!(claim.measure, Measure::Score | Measure::Success);
+        match &self.drawn.curves {
+            None if trains => {
+                Err(Error::bad_config("it is about policies, and the study has no [curves] to train any"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn has_cells(&self, method: &str) -> bool {
+        self.method(method).is_some_and(|method| method.combination.is_none())
+    }
+}
