@@ -43,9 +43,9 @@ pub(super) fn in_few_lines(indented: &str, nulls: Nulls) -> String {
     lines.join("\n") + "\n"
 }
 
-/// A list, or an object that stands in a list and so has no name.
+/// A list, or an object that stands in a list and so has no name; never the whole.
 fn belongs_on_a_line(first: &str) -> bool {
-    first.ends_with('[') || first.trim_start() == "{"
+    first.ends_with('[') || first.trim_start() == "{" && first != "{"
 }
 
 #[cfg(test)]
