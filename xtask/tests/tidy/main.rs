@@ -247,7 +247,7 @@ fn files_use_each_other_in_no_circle_catches_it_in_real_files() {
         (LIBRARY, library(), "data/demonstration/episode.rs", "use crate::data::demonstration::open::open;"),
         (LIBRARY, library(), "data/demonstration/hdf5.rs", "use super::{d4rl, npz};"),
         (LIBRARY, library(), "run/study/parts.rs", "use super::Study;"),
-        (MUJOCO, mujoco(), "task/task_file.rs", "use crate::task::heuristic_fold::FoldState;"),
+        (MUJOCO, mujoco(), "task/task_file.rs", "use crate::task::reset::Reset;"),
         (MUJOCO, mujoco(), "task/blueprint.rs", "use crate::environment::MujocoEnvironment;"),
         (COMMAND, command(), "writing.rs", "use crate::{interruption::GoesOn, terminal};"),
     ] {
