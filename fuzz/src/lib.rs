@@ -42,7 +42,10 @@ pub fn folder(bytes: &[u8], format: Format, fixture: &str, replaced: &str) {
 /// somebody would who knows the form of a file.
 pub fn results(bytes: &[u8]) {
     recall_all(bytes);
-    if let Ok(Value::Object(fields)) = serde_json::from_slice(bytes) {
+    // What is sealed has fields.
+    if let Ok(Value::Object(fields)) = serde_json::from_slice(bytes)
+        && !fields.is_empty()
+    {
         recall_all(&seal::to_json(&fields));
     }
     let mut checkpoint = [&artifact::FORMAT_VERSION.to_le_bytes()[..], &seal::OPEN, bytes].concat();

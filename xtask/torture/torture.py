@@ -318,9 +318,8 @@ def main():
                 continue
             start = time.time()
             getattr(torture, test)()
-            print(f"{test}: {time.time() - start:.0f} s", flush=True)
+            print(f"{test}: {time.time() - start:.0f} s\n\n{torture.table()}\n", flush=True)
     finally:
-        print(torture.table(), flush=True)
         shutil.rmtree(torture.folder, ignore_errors=True)
     sys.exit(1 if torture.bad else 0)
 

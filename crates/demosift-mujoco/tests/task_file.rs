@@ -294,8 +294,8 @@ fn a_step_of_no_time_or_of_minutes_is_refused() {
 /// What is found out about a goal lies in a folder of its name, which must stay within that of the run.
 #[test]
 fn a_goal_that_no_folder_can_be_called_like_is_refused() {
-    for name in ["../../b", "a/b", "", ".hidden", "bell\u{7}"] {
-        let error = load(&format!("{TASK}[[variant]]\nname = {name:?}\n"), MODEL).err().unwrap();
+    for name in ["../../b", "a/b", "", ".hidden", r"bell\u0007"] {
+        let error = load(&format!("{TASK}[[variant]]\nname = \"{name}\"\n"), MODEL).err().unwrap();
         assert!(error.is_bad_config() && error.to_string().contains("so that a folder can be"), "{error}");
     }
     load(&format!("{TASK}[[variant]]\nname = 'left, low'\n"), MODEL).unwrap();

@@ -65,10 +65,10 @@ impl TaskFile {
 /// Numbers beyond this are no quantity of a robot, and a few of them multiplied are infinite.
 const LARGEST: f64 = 1e30;
 
-/// Whether every number below a key can be calculated with; only the end of a range may be infinite.
+/// Whether every number below a key can be calculated with; what the ends of a range may be, the range says.
 fn check_numbers(name: &str, value: &toml::Value, is_range: bool) -> Result<()> {
     match value {
-        toml::Value::Float(number) if number.is_infinite() && is_range => Ok(()),
+        toml::Value::Float(number) if !number.is_finite() && is_range => Ok(()),
         toml::Value::Float(number) if !number.is_finite() => {
             Err(Error::bad_config(format!("{name} = {number}: must be a finite number")))
         }
