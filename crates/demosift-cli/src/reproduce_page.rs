@@ -6,6 +6,7 @@ use demosift::run::study::estimate::{Difference, ENOUGH_SEEDS};
 use demosift::run::study::told::{Spread, Told};
 use demosift::run::study::{By, Measure, imitator_name};
 
+use crate::experiments;
 use crate::tables::{Scale, percent, rounded, study::in_markdown, table, wrapped};
 
 /// What was found.
@@ -241,12 +242,15 @@ impl Page<'_> {
             made.commit.map_or("a commit that was not named".to_owned(), |commit| format!("commit {commit}"));
         let machine = made.machine.unwrap_or("a machine that was not named");
         let version = &compact.demosift;
-        let mut text = format!(
-            "```sh\n# demosift {version}, {commit}, {machine}\ndemosift reproduce {} --preset {preset}\n```\n\n",
-            study.name
-        );
         let [there, all] = told.finished;
         let [asked, _] = told.seeds;
+        let what = match experiments::named(&study.name) {
+            Ok(_) => study.name.clone(),
+            Err(_) => format!("{}.toml", study.name),
+        };
+        let mut text = format!(
+            "```sh\n# demosift {version}, {commit}, {machine}\ndemosift reproduce {what} --preset {preset} --seeds {asked}\n```\n\n"
+        );
         text += &sentences(&format!(
             "{there} of {all} cells with up to {asked} seeds a set took {} environment steps and {} of a processor. \
              They are in [{name}.json]({name}.json), from which `demosift reproduce {name}.json --page {name}.md` makes this page again.",

@@ -158,7 +158,7 @@ fn an_experiment_becomes_cells_figures_numbers_and_a_page() {
     assert!(rest.starts_with("**This result is partial.**\n"), "two seeds are no result: {page}");
     for part in [
         "commit abc123, a-toaster",
-        "demosift reproduce tiny --preset standard",
+        "demosift reproduce tiny.toml --preset standard --seeds 2",
         "![Curves](curves.svg)",
         "too few seeds",
         "The one judge is better.\nSo it is.",
