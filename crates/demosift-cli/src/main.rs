@@ -15,6 +15,7 @@ mod own_heuristic;
 mod picture_folder;
 mod report;
 mod run_folder;
+mod simulator;
 mod study_file;
 mod study_folder;
 mod tables;

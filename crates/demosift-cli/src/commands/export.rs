@@ -52,7 +52,8 @@ pub(crate) fn run(arguments: &ExportArguments) -> Result<()> {
 fn write_lerobot(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     let out = folder(arguments)?;
     let Demonstrations { source, path, .. } = &kept.demonstrations;
-    let task = Some(kept.identity.task.as_str());
+    // What an environment is called is no task, and its rate is known to it alone.
+    let task = kept.identity.simulator.is_none().then_some(kept.identity.task.as_str());
     let mut described = convert::described(source, path, arguments.fps, task, &out)?;
     if described.tasks.len() > 1 {
         // Those of the kept alone.

@@ -1,5 +1,7 @@
 //! `demosift task check`: what a task is made of, whether it can be learned in, and whether demonstrations fit it.
 
+mod environment;
+
 use std::path::Path;
 use std::time::Instant;
 
@@ -16,7 +18,7 @@ use crate::arguments::{SetArguments, TaskCheckArguments, TaskCommand};
 use crate::demonstrations::{self, Opened};
 use crate::tables::{self, Scale, table, wrapped};
 use crate::task::{self, Chosen};
-use crate::terminal;
+use crate::{simulator, terminal};
 
 /// Rows that a table has before it sums up.
 const SHOWN: usize = 24;
@@ -33,7 +35,11 @@ pub(crate) fn run(command: &TaskCommand) -> Result<()> {
 }
 
 fn check(arguments: &TaskCheckArguments) -> Result<()> {
-    let Chosen { mujoco, name, .. } = task::choose(&arguments.task)?;
+    if let Some(simulated) = simulator::open(&arguments.simulator, arguments.data.as_deref(), None)? {
+        return environment::check(&simulated, arguments);
+    }
+    let named = arguments.task.as_ref().ok_or_else(task::missing)?;
+    let Chosen { mujoco, name, .. } = task::choose(named)?;
     let Some(task) = mujoco else {
         return Err(Error::bad_input(format!("the task '{name}' has no model that could be checked"))
             .with_hint("give the path of a folder with a task.toml, or another one of `demosift tasks`"));
@@ -72,11 +78,15 @@ fn check(arguments: &TaskCheckArguments) -> Result<()> {
         }
         terminal::show(&told(&findings));
     }
-    match check::count(&findings, Severity::Error) {
+    outcome(&findings, named)
+}
+
+/// An error if there is one among the findings.
+fn outcome(findings: &[Finding], of: &str) -> Result<()> {
+    match check::count(findings, Severity::Error) {
         0 => Ok(()),
         count => Err(Error::bad_input(format!(
-            "the check of '{}' found {}",
-            arguments.task,
+            "the check of '{of}' found {}",
             if count == 1 { "an error".to_owned() } else { format!("{count} errors") }
         ))),
     }
