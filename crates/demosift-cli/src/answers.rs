@@ -33,6 +33,7 @@ use serde_json::{Map, Value};
 use crate::job::Job;
 use crate::own_heuristic::Beside;
 use crate::run_folder::Data;
+use crate::simulator::Simulator;
 use crate::tables;
 use crate::tables::standing::Found;
 
@@ -360,6 +361,19 @@ pub(crate) struct TaskCheck<'a> {
     pub(crate) played: &'a Tried,
     pub(crate) steps_per_sec: f64,
     pub(crate) recorded: Option<&'a Recorded>,
+    pub(crate) findings: &'a [Finding],
+}
+
+/// `demosift task check --env`
+#[derive(Serialize)]
+pub(crate) struct EnvironmentCheck<'a> {
+    pub(crate) environment: &'a str,
+    pub(crate) simulator: &'a Simulator,
+    pub(crate) observation_parts: &'a [(String, usize)],
+    pub(crate) control_ranges: &'a [[f64; 2]],
+    pub(crate) info: &'a [String],
+    pub(crate) tried: &'a demosift_gymnasium::check::Checked,
+    pub(crate) compared: Option<&'a demosift_gymnasium::check::Recorded>,
     pub(crate) findings: &'a [Finding],
 }
 

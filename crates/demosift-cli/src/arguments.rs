@@ -213,6 +213,8 @@ pub(crate) struct RunArguments {
     /// The task: a name (see `demosift tasks`), or the path of a folder with a task.toml
     #[arg(long, value_name = "NAME|PATH")]
     pub(crate) task: Option<String>,
+    #[command(flatten)]
+    pub(crate) simulator: SimulatorArguments,
     /// The root of all random numbers [default: 0]
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
@@ -237,6 +239,36 @@ pub(crate) struct RunArguments {
     /// Print the results as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// A simulator of the user's own, in place of a task.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Your own simulator, in Python")]
+pub(crate) struct SimulatorArguments {
+    /// An environment of Gymnasium instead of --task: gymnasium:HalfCheetah-v5, my_env.py:make, package.module:make, or
+    /// from-set for the one that a Minari set names; see docs/simulators.md
+    #[arg(long, value_name = "ENV", conflicts_with = "task")]
+    pub(crate) env: Option<String>,
+    /// The Python interpreter in which the environment works, such as .venv/bin/python [default: python3]
+    #[arg(long, value_name = "PATH")]
+    pub(crate) python: Option<PathBuf>,
+    /// Processes that play at once, each with an environment; more than there are processors make sense where the
+    /// environment waits. The results do not depend on it [default: as many as --threads]
+    #[arg(long, value_name = "N")]
+    pub(crate) workers: Option<usize>,
+    /// Steps of an episode [default: as the environment says]
+    #[arg(long, value_name = "N")]
+    pub(crate) horizon: Option<usize>,
+    /// What a good episode is, higher being better: sum, mean, last, max, min, any, last_minus_first or count of the reward or
+    /// of a number in info, such as "any is_success", "max height" or "negated min gap" [default: sum reward]
+    #[arg(long, value_name = "WORDS")]
+    pub(crate) heuristic: Option<String>,
+    /// How long a start, a reset or a step may take before it counts as hanging [default: 60]
+    #[arg(long, value_name = "SECONDS")]
+    pub(crate) time_limit: Option<u64>,
+    /// Run code that the set names, if its environment is not registered here (for --env from-set)
+    #[arg(long)]
+    pub(crate) trust_set: bool,
 }
 
 #[derive(Debug, Args)]
@@ -285,9 +317,9 @@ pub(crate) struct RecordArguments {
 #[derive(Debug, Args)]
 #[group(id = "source", required = true, multiple = false, args = ["policy", "data"])]
 pub(crate) struct PlayArguments {
-    /// The task: a name (see `demosift tasks`), or the path of a folder with a task.toml
+    /// The task: a name (see `demosift tasks`), or the path of a folder with a task.toml [default: that of the policy's run]
     #[arg(long, value_name = "NAME|PATH")]
-    pub(crate) task: String,
+    pub(crate) task: Option<String>,
     /// Play this policy: a policy_*.safetensors of a run folder
     #[arg(long, value_name = "FILE")]
     pub(crate) policy: Option<PathBuf>,
@@ -312,6 +344,8 @@ pub(crate) struct PlayArguments {
     /// Print the results as JSON
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) simulator: SimulatorArguments,
     #[command(flatten)]
     pub(crate) pictures: PictureArguments,
     #[command(flatten)]
@@ -469,6 +503,7 @@ impl ReportArguments {
     pub(crate) fn job(&self) -> JobArguments {
         let run = RunArguments {
             task: None,
+            simulator: SimulatorArguments::default(),
             seed: None,
             config: None,
             set: Vec::new(),
@@ -522,8 +557,8 @@ pub(crate) struct TaskNewArguments {
 #[command(after_help = examples::TASK_CHECK)]
 pub(crate) struct TaskCheckArguments {
     /// The task: the path of a folder with a task.toml, or a name (see `demosift tasks`)
-    #[arg(value_name = "PATH|NAME")]
-    pub(crate) task: String,
+    #[arg(value_name = "PATH|NAME", required_unless_present = "env")]
+    pub(crate) task: Option<String>,
     /// Demonstrations to hold against it
     #[arg(long, value_name = "SET")]
     pub(crate) data: Option<PathBuf>,
@@ -533,6 +568,8 @@ pub(crate) struct TaskCheckArguments {
     /// Print the results as JSON
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) simulator: SimulatorArguments,
     #[command(flatten)]
     pub(crate) storage: SetArguments,
 }

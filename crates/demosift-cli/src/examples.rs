@@ -24,6 +24,8 @@ Examples:
     demosift sift data/penalty_save_12 --task penalty_save --variant low_left --out runs/low_left
   Some episodes of a set; those that nobody can learn from are left out, and named:
     demosift sift my_lerobot_set --task half_cheetah --episodes 0-49 --without 3,17 --skip-bad
+  My simulator is an environment of Gymnasium, in Python of its own:
+    demosift sift my_set.hdf5 --env my_env.py:make --python .venv/bin/python --horizon 200
   It was interrupted; go on:
     demosift sift --out runs/throws --resume";
 
@@ -36,7 +38,9 @@ Examples:
   Ten equals, halfway up, in which there is nothing to select:
     demosift record --demonstrator runs/thrower --count 10 --stage 0.5 --out runs/equals
   How long would the training take at most?
-    demosift record --task handstand --dry-run";
+    demosift record --task handstand --dry-run
+  In an environment of Gymnasium:
+    demosift record --env gymnasium:HalfCheetah-v5 --python .venv/bin/python --out runs/cheetah";
 
 pub(crate) const META_TRAIN: &str = "\
 Examples:
@@ -49,6 +53,8 @@ pub(crate) const JUDGE: &str = "\
 Examples:
   How much does imitating each demonstration help?
     demosift judge data/free_throw_8 --task free_throw --preset quick --out runs/throws
+  In the environment that a Minari set names:
+    demosift judge my_minari_set --env from-set --python .venv/bin/python --out runs/minari
   By cloning alone, in seconds:
     demosift judge data/free_throw_8 --task free_throw --judge cloning --out runs/by_cloning
   As the paper does, each demonstration four times, to be surer:
@@ -138,7 +144,7 @@ Examples:
   A clip of the best policy that a run found:
     demosift play --task free_throw --policy runs/throws/policy_best.safetensors --clip
   How often does that policy succeed?
-    demosift play --task free_throw --policy runs/throws/policy_best.safetensors --episodes 50";
+    demosift play --policy runs/throws/policy_best.safetensors --episodes 50";
 
 pub(crate) const INSPECT: &str = "\
 Examples:
@@ -175,6 +181,9 @@ Examples:
     demosift task check my_robot
   Whether demonstrations fit it, and their actions lead where they led when they were recorded:
     demosift task check my_robot --data my_demonstrations.hdf5
+
+  An environment of Gymnasium: does it repeat, how fast is it, and do the demonstrations fit?
+    demosift task check --env gymnasium:HalfCheetah-v5 --python .venv/bin/python --data my_demonstrations.hdf5
 
 Exit code 2 if there is an error among the findings.";
 

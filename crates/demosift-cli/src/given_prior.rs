@@ -14,6 +14,7 @@ use toml::Table;
 
 use crate::configuration;
 use crate::run_folder::{self, Identity, RunFolder};
+use crate::simulator::{self, Simulated};
 use crate::task::Chosen;
 
 /// The file of a run that holds its prior.
@@ -77,7 +78,14 @@ impl GivenPrior {
             ),
             ("variant", word(&self.identity.variant, "all of them"), word(&chosen.variant, "all of them")),
         ];
-        match pairs.into_iter().find(|(_, old, new)| old != new) {
+        let of_simulator = simulator::difference(
+            self.identity.simulator.as_ref(),
+            chosen.simulated.as_ref().map(Simulated::identity).as_ref(),
+        );
+        let of_simulator =
+            of_simulator.map(|(what, old, new)| (what.trim_start_matches("the ").to_owned(), old, new));
+        let of_task = pairs.into_iter().find(|(_, old, new)| old != new);
+        match of_task.map(|(what, old, new)| (what.to_owned(), old, new)).or(of_simulator) {
             None => Ok(()),
             Some((what, old, new)) => Err(Error::bad_config(format!(
                 "the prior cannot be used: the {what} of its run was {old}, and is {new} now"

@@ -29,6 +29,7 @@ use crate::interruption;
 use crate::metrics_file::MetricsFile;
 use crate::own_heuristic::{self, Beside};
 use crate::run_folder::{self, Begun, Data, Identity, RunFolder};
+use crate::simulator::{self, Simulated};
 use crate::task::{self, Chosen};
 use crate::terminal::Progress;
 
@@ -67,8 +68,9 @@ impl Job {
         let plan = Request::of(&Asked { given: Some(given), ..Asked::of(arguments) })?;
         let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
         let path = arguments.demonstrations.as_deref();
-        let demonstrations =
+        let mut demonstrations =
             demonstrations::open_of_any_size(path, &arguments.source, recorded, Some(&plan.chosen))?;
+        demonstrations.set = plan.chosen.in_units(demonstrations.set)?;
         given.check_sizes(&demonstrations.set).map_err(|error| error.at(&demonstrations.path))?;
         // What is kept is decided by the earlier run; its number may be more than there are here.
         let mut values = plan.values.clone();
@@ -94,7 +96,8 @@ impl Job {
         let plan = Request::of(&Asked::of(arguments))?;
         let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
         let path = arguments.demonstrations.as_deref();
-        let demonstrations = demonstrations::open(path, &arguments.source, recorded, Some(&plan.chosen))?;
+        let mut demonstrations = demonstrations::open(path, &arguments.source, recorded, Some(&plan.chosen))?;
+        demonstrations.set = plan.chosen.in_units(demonstrations.set)?;
         let mut values = plan.values.clone();
         if let Some(keep) = arguments.keep {
             if let Some(wanted) = keep.misfit(demonstrations.set.len()) {
@@ -123,6 +126,9 @@ impl Job {
             experiment::check_budget(&demonstrations.set, &playground, &config)?;
         }
         drop(playground);
+        if let Some(simulated) = &plan.chosen.simulated {
+            simulated.notes(arguments.judge.is_none() && !asks_for_it);
+        }
         Self::of_plan(plan, demonstrations, values, config, arguments.run.dry_run)
     }
 
@@ -179,7 +185,7 @@ impl Job {
 
     /// Does a part of the job.
     pub(crate) fn run<T>(&mut self, work: impl FnOnce(&mut Run<'_>) -> Result<T>) -> Result<T> {
-        let playground = Playground::new(self.chosen.task.as_ref());
+        let playground = self.chosen.playground()?;
         let outcome = work(&mut Run {
             set: &self.set,
             playground: &playground,
@@ -297,12 +303,15 @@ pub(crate) struct Asked<'a> {
     pub(crate) preset: Option<PresetName>,
     /// The prior of an earlier run, with its task and its values.
     pub(crate) given: Option<&'a GivenPrior>,
+    /// The demonstrations, which may name their environment.
+    pub(crate) set: Option<&'a Path>,
 }
 
 impl<'a> Asked<'a> {
     fn of(arguments: &'a JobArguments) -> Self {
-        let JobArguments { run, variant, preset, .. } = arguments;
-        Self { run, variant: variant.as_deref(), preset: *preset, given: None }
+        let JobArguments { run, variant, preset, demonstrations, .. } = arguments;
+        let (variant, set) = (variant.as_deref(), demonstrations.as_deref());
+        Self { run, variant, preset: *preset, given: None, set }
     }
 }
 
@@ -319,9 +328,13 @@ pub(crate) struct Request {
 
 impl Request {
     pub(crate) fn of(asked: &Asked<'_>) -> Result<Self> {
-        let Asked { run: arguments, variant, preset, given } = *asked;
+        let Asked { run: arguments, variant, preset, given, set } = *asked;
         let task_of_prior = given.map(|given| &given.identity.task);
-        let out = match (&arguments.out, arguments.task.as_ref().or(task_of_prior)) {
+        let env = match &arguments.out {
+            Some(_) => None,
+            None => simulator::folder_name(&arguments.simulator, set)?,
+        };
+        let out = match (&arguments.out, arguments.task.as_ref().or(env.as_ref()).or(task_of_prior)) {
             (Some(out), _) => out.clone(),
             (None, Some(task)) => default_folder(task, variant),
             (None, None) if arguments.resume => {
@@ -331,11 +344,16 @@ impl Request {
             (None, None) => return Err(task::missing()),
         };
         let begun = run_folder::look_into(&out, arguments.resume)?;
-        let of_begun = || begun.as_ref().map(|begun| &begun.identity.task);
-        let name = arguments.task.as_ref().or_else(of_begun).or(task_of_prior).map(String::as_str);
-        let mut chosen = task::choose(name.ok_or_else(|| {
-            if arguments.resume { run_folder::nothing_to_resume(&out) } else { task::missing() }
-        })?)?;
+        let data = begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
+        let set = set.or(data.map(|data| data.path.as_path()));
+        let earlier = begun.as_ref().map(|begun| &begun.identity).or(given.map(|given| &given.identity));
+        let environment = earlier.filter(|_| arguments.task.is_none()).and_then(Identity::environment);
+        let name = arguments.task.as_ref().or(earlier.map(|identity| &identity.task)).map(String::as_str);
+        let none = || if arguments.resume { run_folder::nothing_to_resume(&out) } else { task::missing() };
+        let mut chosen = match simulator::open(&arguments.simulator, set, environment)? {
+            Some(simulated) => task::in_python(simulated)?,
+            None => task::choose(name.ok_or_else(none)?)?,
+        };
         if let Some(begun) = &begun {
             check_task(&begun.identity, &chosen).map_err(|error| error.at(&out))?;
         }
@@ -351,7 +369,12 @@ impl Request {
             (Some(begun), _, None) => begun.configuration.clone(),
             (None, Some(given), None) => given.values.clone(),
             (_, _, preset) => {
-                configuration::preset(preset.map_or(Preset::Standard, Preset::from), chosen.values.clone())?
+                let preset = preset.map_or(Preset::Standard, Preset::from);
+                let mut values = configuration::preset(preset, chosen.values.clone())?;
+                if let Some(slow) = chosen.simulated.as_ref().map(Simulated::values).transpose()?.flatten() {
+                    configuration::apply(&mut values, &slow)?;
+                }
+                values
             }
         };
         if let Some(begun) = &begun {
@@ -398,6 +421,7 @@ fn identity(chosen: &Chosen, data: Option<Data>, prior: Option<given_prior::Orig
         task: chosen.name.clone(),
         task_sha256: chosen.sha256.clone(),
         variant: chosen.variant.clone(),
+        simulator: chosen.simulated.as_ref().map(Simulated::identity),
         data,
         prior,
         // Known when it is written down.
@@ -426,8 +450,11 @@ fn check_task(begun: &Identity, chosen: &Chosen) -> Result<()> {
         ("the task", begun.task.clone(), chosen.name.clone()),
         ("the SHA-256 of the task's files", hash(&begun.task_sha256), hash(&chosen.sha256)),
     ];
-    match pairs.into_iter().find(|(_, old, new)| old != new) {
-        Some((what, old, new)) => Err(run_folder::of_another_run(what, &old, &new)),
+    let of_task = pairs.into_iter().find(|(_, old, new)| old != new);
+    let now = chosen.simulated.as_ref().map(Simulated::identity);
+    let differs = of_task.map(|(what, old, new)| (what.to_owned(), old, new));
+    match differs.or_else(|| simulator::difference(begun.simulator.as_ref(), now.as_ref())) {
+        Some((what, old, new)) => Err(run_folder::of_another_run(&what, &old, &new)),
         None => Ok(()),
     }
 }

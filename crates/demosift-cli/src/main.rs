@@ -21,6 +21,7 @@ mod report;
 mod reproduce_page;
 mod resolved;
 mod run_folder;
+mod simulator;
 mod study_cells;
 mod study_file;
 mod study_folder;

@@ -22,6 +22,7 @@ use crate::given_prior::Origin;
 use crate::interruption;
 use crate::lock::{self, Lock};
 use crate::resolved::{self, RESOLVED, fixed};
+use crate::simulator::{Earlier, Simulator};
 use crate::writing::undisturbed;
 
 const RUN: &str = "run.json";
@@ -35,13 +36,16 @@ pub(crate) struct Identity {
     /// The format version of its files; runs of before there was a second do not say.
     #[serde(default = "first_format")]
     pub(crate) format: u32,
-    /// The task, as `--task` takes it.
+    /// The task, as `--task` takes it, or the environment as `--env` does.
     pub(crate) task: String,
     /// Hash of the files of a task that does not come with demosift.
     pub(crate) task_sha256: Option<String>,
     /// The one variant of the task that the run is about; without it the run is about all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) variant: Option<String>,
+    /// What is known of the environment, if the task is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) simulator: Option<Simulator>,
     /// The demonstrations; a recording has none.
     pub(crate) data: Option<Data>,
     /// The prior that the run was given, if it did not make its own.
@@ -50,6 +54,13 @@ pub(crate) struct Identity {
     /// Hash of what of the configuration must stay as it is; the whole stands in a file of its own.
     #[serde(default)]
     pub(crate) configuration_sha256: String,
+}
+
+impl Identity {
+    /// The environment of the run, if its task was one.
+    pub(crate) fn environment(&self) -> Option<Earlier<'_>> {
+        self.simulator.as_ref().map(|simulator| Earlier { env: &self.task, simulator })
+    }
 }
 
 fn first_format() -> u32 {

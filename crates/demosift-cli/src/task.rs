@@ -3,13 +3,18 @@
 use std::path::Path;
 
 use demosift::basics::files;
+use demosift::data::demonstration::DemonstrationSet;
+use demosift::math::rows::Rows;
 use demosift::world::environment::{OneVariant, Task};
 use demosift::world::point_mass::PointMass;
+use demosift::world::rollout::Playground;
 use demosift::{Error, Result};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::{names, registry};
 
+use crate::arguments::SimulatorArguments;
 use crate::configuration::Layer;
+use crate::simulator::{self, Earlier, Simulated};
 
 const POINT_MASS: &str = "point_mass";
 /// Configuration values beside a user's task.toml.
@@ -40,6 +45,8 @@ pub(crate) struct Chosen {
     pub(crate) variant: Option<String>,
     /// The task's own configuration values.
     pub(crate) values: Layer,
+    /// The same, where it is an environment in Python.
+    pub(crate) simulated: Option<Simulated>,
 }
 
 /// Names of the tasks that come with demosift.
@@ -64,7 +71,30 @@ pub(crate) fn choose(name_or_path: &str) -> Result<Chosen> {
         sha256: None,
         variant: None,
         values,
+        simulated: None,
     })
+}
+
+/// An environment in Python as a task.
+pub(crate) fn in_python(simulated: Simulated) -> Result<Chosen> {
+    let task = simulated.task.clone();
+    Ok(Chosen {
+        mujoco: None,
+        name: task.source().words(),
+        sha256: task.source().file().map(|file| files::sha256(&[file.to_owned()])).transpose()?,
+        variant: None,
+        values: Layer::from_text("the values of an environment", "")?,
+        task: Box::new(task),
+        simulated: Some(simulated),
+    })
+}
+
+/// The task that a run was about, by its name, or its environment.
+pub(crate) fn of_run(name: &str, environment: Option<Earlier<'_>>) -> Result<Chosen> {
+    match simulator::open(&SimulatorArguments::default(), None, environment)? {
+        Some(simulated) => in_python(simulated),
+        None => choose(name),
+    }
 }
 
 /// The task as those see it who only play it; the one task without MuJoCo is the point mass.
@@ -97,10 +127,35 @@ fn users_own(path: &Path) -> Result<Chosen> {
         sha256,
         variant: None,
         values,
+        simulated: None,
     })
 }
 
 impl Chosen {
+    /// Where it is played.
+    pub(crate) fn playground(&self) -> Result<Playground<'_>> {
+        match &self.simulated {
+            Some(simulated) => simulated.playground(),
+            None => Ok(Playground::new(self.task.as_ref())),
+        }
+    }
+
+    /// A set as a policy acts: an environment in Python has units of its own, in which demonstrations of it are recorded.
+    pub(crate) fn in_units(&self, set: DemonstrationSet) -> Result<DemonstrationSet> {
+        match &self.simulated {
+            Some(simulated) => simulated.task.units().set_of_policy(&set),
+            None => Ok(set),
+        }
+    }
+
+    /// Actions of a policy `[T, act]` as they are recorded: in the environment's own unit, and clipped, where it has one.
+    pub(crate) fn recorded_actions(&self, actions: &Rows) -> Result<Rows> {
+        match &self.simulated {
+            Some(simulated) => simulated.task.units().own_rows(actions),
+            None => Ok(actions.clone()),
+        }
+    }
+
     /// The same task, but only the goal of this name; a task of a single goal is that already.
     pub(crate) fn under(self, variant: &str) -> Result<Self> {
         let variants = &self.task.specification().variants;
@@ -137,7 +192,8 @@ fn hash_of(folder: &Path, task: &Path) -> Result<String> {
 /// No task was named.
 pub(crate) fn missing() -> Error {
     Error::bad_input("no task is given").with_hint(format!(
-        "add --task NAME, where NAME is one of {}, or the path of a folder that holds a task.toml",
+        "add --task NAME, where NAME is one of {}, or the path of a folder that holds a task.toml; or --env for an environment \
+         in Python",
         names().join(", ")
     ))
 }

@@ -16,6 +16,7 @@ use sources::{Source, checkout, files, read, rust_files};
 use std::fmt;
 
 const MUJOCO: &str = "crates/demosift-mujoco/src/";
+const GYMNASIUM: &str = "crates/demosift-gymnasium/src/";
 const COMMAND: &str = "crates/demosift-cli/src/";
 
 /// One place that breaks one rule.
@@ -44,6 +45,10 @@ fn library() -> Vec<Source> {
 
 fn mujoco() -> Vec<Source> {
     rust_files(MUJOCO)
+}
+
+fn gymnasium() -> Vec<Source> {
+    rust_files(GYMNASIUM)
 }
 
 fn command() -> Vec<Source> {
@@ -208,7 +213,8 @@ fn bands_use_lower_ones_only_catches_it_in_real_files() {
 
 #[test]
 fn files_use_each_other_in_no_circle() {
-    for (folder, sources) in [(LIBRARY, library()), (MUJOCO, mujoco()), (COMMAND, command())] {
+    let crates = [(LIBRARY, library()), (MUJOCO, mujoco()), (GYMNASIUM, gymnasium()), (COMMAND, command())];
+    for (folder, sources) in crates {
         tidy(bands::no_circles(folder, &sources));
     }
 }
@@ -282,6 +288,8 @@ fn strangers_stay_apart_catches() {
 #[test]
 fn the_mujoco_crate_imports_no_algorithm() {
     tidy(bands::mujoco_imports_no_algorithm(&real_bands(), &library(), &mujoco()));
+    // Nor does the other crate of simulators.
+    tidy(bands::mujoco_imports_no_algorithm(&real_bands(), &library(), &gymnasium()));
 }
 
 #[test]

@@ -61,7 +61,9 @@ pub(crate) fn run(arguments: &ExportArguments) -> Result<()> {
 fn write_lerobot(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     let out = folder(arguments)?;
     let Demonstrations { source, path, said, .. } = &kept.demonstrations;
-    let asked = Asked { fps: arguments.fps, task: Some(kept.identity.task.as_str()), out: &out };
+    // What an environment is called is no task, and its rate is known to it alone.
+    let task = kept.identity.simulator.is_none().then_some(kept.identity.task.as_str());
+    let asked = Asked { fps: arguments.fps, task, out: &out };
     let mut described = convert::described(source, path, said, &asked)?;
     if described.tasks.len() > 1 {
         // Those of the kept alone.

@@ -11,7 +11,7 @@ use demosift::results::artifact;
 use demosift::world::environment::{EnvVariant, Episode as Asked, Rollout, Specification};
 use demosift::world::heuristic::Score;
 use demosift::world::policy::Policy;
-use demosift::world::rollout::{self, Acting, Playground};
+use demosift::world::rollout::{self, Acting};
 use demosift::{Error, Result};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::pictures::film::{self, Film, Take, Wanted};
@@ -23,7 +23,8 @@ use crate::arguments::{PictureArguments, PlayArguments, SetArguments};
 use crate::demonstrations::{self, Demonstrations};
 use crate::job;
 use crate::picture_folder::PictureFolder;
-use crate::run_folder;
+use crate::run_folder::{self, Identity};
+use crate::simulator;
 use crate::tables::{self, Scale};
 use crate::task::{self, Chosen};
 use crate::terminal::{self, Progress};
@@ -40,7 +41,7 @@ struct Episode {
 }
 
 pub(crate) fn run(arguments: &PlayArguments) -> Result<()> {
-    let chosen = task::choose(&arguments.task)?;
+    let chosen = choose(arguments)?;
     let beside = beside(arguments.policy.as_deref(), &chosen);
     let studio = Studio::open(&chosen, &arguments.pictures, beside)?;
     let episodes = match (&arguments.policy, &arguments.data) {
@@ -68,9 +69,25 @@ pub(crate) fn run(arguments: &PlayArguments) -> Result<()> {
     Ok(())
 }
 
+/// The task that is named, or that of the run which the policy lies in the folder of.
+fn choose(arguments: &PlayArguments) -> Result<Chosen> {
+    let run = arguments
+        .policy
+        .as_deref()
+        .and_then(Path::parent)
+        .and_then(|folder| run_folder::of_finished(folder).ok());
+    let run = run.map(|(identity, _)| identity).filter(|_| arguments.task.is_none());
+    let environment = run.as_ref().and_then(Identity::environment);
+    if let Some(simulated) = simulator::open(&arguments.simulator, arguments.data.as_deref(), environment)? {
+        return task::in_python(simulated);
+    }
+    let name = arguments.task.as_ref().or(run.as_ref().map(|identity| &identity.task));
+    task::choose(name.ok_or_else(task::missing)?)
+}
+
 /// Episodes of a policy, each from a seed of its own.
 fn play(chosen: &Chosen, path: &Path, arguments: &PlayArguments) -> Result<Vec<Episode>> {
-    let playground = Playground::new(chosen.task.as_ref());
+    let playground = chosen.playground()?;
     let policy = read_policy(path, playground.specification())?;
     let variant = match arguments.variant.clone().or_else(|| trained_under(path, chosen)) {
         Some(name) => playground.specification().variant(&name)?,

@@ -92,6 +92,7 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<()> {
         variant: None,
         preset: None,
         given: None,
+        set: None,
     })?;
     let values = values(arguments, given, &plan)?;
     let recording: Recording = configuration::typed(values.clone())?;
@@ -121,7 +122,9 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<()> {
 
 /// The task is that of the demonstrator, if no other one is named.
 fn with_task(arguments: &RecordArguments, given: Option<&Source>) -> RunArguments {
-    let task = arguments.run.task.clone().or(given.map(|source| source.task.clone()));
+    let of_demonstrator =
+        given.filter(|_| arguments.run.simulator.env.is_none()).map(|source| source.task.clone());
+    let task = arguments.run.task.clone().or(of_demonstrator);
     RunArguments { task, ..arguments.run.clone() }
 }
 
@@ -219,7 +222,7 @@ fn foresee(
         demonstrators: guests + 1,
         assessed: FINAL_EPISODES,
     };
-    let playground = Playground::new(plan.chosen.task.as_ref());
+    let playground = plan.chosen.playground()?;
     let foreseen = match recall(folder, PROVENANCE_FILE)? {
         Some(_) => Forecast::nothing(),
         None => forecast::forecast_recording(&playground, &asked, folder, &mut dry_run::clock())?,
@@ -243,13 +246,13 @@ fn make(
     folder: &mut RunFolder,
 ) -> Result<(Provenance, Option<Provenance>)> {
     folder.claim()?;
-    let playground = Playground::new(plan.chosen.task.as_ref());
+    let playground = plan.chosen.playground()?;
     let seed = Seed::new(recording.seed);
     let stages = stages(&playground, recording, plan, folder)?;
     let demonstrator = finished(&playground, &stages, &seed.of("final"))?;
     let guests = recording.guests.iter().map(Invited::of).collect::<Result<Vec<_>>>()?;
     let playgrounds: Vec<Playground<'_>> =
-        guests.iter().map(|guest| Playground::new(guest.chosen.task.as_ref())).collect();
+        guests.iter().map(|guest| guest.chosen.playground()).collect::<Result<_>>()?;
 
     let all: Vec<&Stage> = stages.iter().collect();
     let own = recording.count - recording.guests.iter().map(|guest| guest.count).sum::<usize>();
@@ -264,13 +267,13 @@ fn make(
         visitors.push(finished(playground, &guest.stages, &seed.of("final of guest").at(index))?);
     }
     let recorded = recording::record(&parts, &seed)?;
-    write(&folder.path().join(RECORDED), &recorded)?;
+    write(&folder.path().join(RECORDED), &recorded, &plan.chosen)?;
 
     let unseen = if recording.unseen > 0 {
         let others = recording::other_stages(&stages, &parts[0].stages, recording.unseen);
         let stages = recording::choose_stages(&others, recording.unseen)?;
         let recorded = recording::record(&[Cast { playground: &playground, stages }], &seed.of("unseen"))?;
-        write(&folder.path().join(UNSEEN_SET_FILE), &recorded)?;
+        write(&folder.path().join(UNSEEN_SET_FILE), &recorded, &plan.chosen)?;
         let provenance = Provenance::of(demonstrator.clone(), Vec::new(), &recorded);
         provenance.store(folder, UNSEEN_PROVENANCE_FILE)?;
         Some(provenance)
@@ -359,18 +362,20 @@ fn finished(playground: &Playground<'_>, stages: &[Stage], seed: &Seed) -> Resul
     })
 }
 
-fn write(path: &Path, recorded: &[Recorded]) -> Result<()> {
+fn write(path: &Path, recorded: &[Recorded], chosen: &Chosen) -> Result<()> {
     // The last observation has no action, and the layout has no place for it.
     let observations: Vec<Rows> = recorded
         .iter()
         .map(|Recorded { trajectory, .. }| trajectory.observations().head(trajectory.steps()))
         .collect();
+    let actions = recorded.iter().map(|of| chosen.recorded_actions(of.trajectory.actions()));
+    let actions = actions.collect::<Result<Vec<Rows>>>()?;
     let episodes: Vec<Episode<'_>> = recorded
         .iter()
-        .zip(&observations)
-        .map(|(Recorded { trajectory, states, .. }, observations)| Episode {
+        .zip(observations.iter().zip(&actions))
+        .map(|(Recorded { trajectory, states, .. }, (observations, actions))| Episode {
             observations,
-            actions: trajectory.actions(),
+            actions,
             states: states.as_ref().map(|log| States { qpos: &log.qpos, qvel: &log.qvel }),
             terminated: trajectory.terminated(),
         })

@@ -1,5 +1,6 @@
 //! `demosift task check`: what a task is made of, whether it can be learned in, and whether demonstrations fit it.
 
+mod environment;
 mod new;
 
 use std::path::Path;
@@ -18,7 +19,7 @@ use crate::demonstrations::{self, Opened, Said};
 use crate::fit::{self, Held};
 use crate::tables::{self, Scale, table, wrapped};
 use crate::task::{self, Chosen};
-use crate::terminal;
+use crate::{simulator, terminal};
 
 /// Rows that a table has before it sums up.
 const SHOWN: usize = 24;
@@ -36,7 +37,11 @@ pub(crate) fn run(command: &TaskCommand) -> Result<()> {
 }
 
 fn check(arguments: &TaskCheckArguments) -> Result<()> {
-    let chosen = task::choose(&arguments.task)?;
+    if let Some(simulated) = simulator::open(&arguments.simulator, arguments.data.as_deref(), None)? {
+        return environment::check(&simulated, arguments);
+    }
+    let named = arguments.task.as_ref().ok_or_else(task::missing)?;
+    let chosen = task::choose(named)?;
     let Some(task) = &chosen.mujoco else {
         return Err(Error::bad_input(format!(
             "the task '{}' has no model that could be checked",
@@ -79,11 +84,15 @@ fn check(arguments: &TaskCheckArguments) -> Result<()> {
             terminal::show(&mended(&findings, said));
         }
     }
-    match check::count(&findings, Severity::Error) {
+    outcome(&findings, named)
+}
+
+/// An error if there is one among the findings.
+fn outcome(findings: &[Finding], of: &str) -> Result<()> {
+    match check::count(findings, Severity::Error) {
         0 => Ok(()),
         count => Err(Error::bad_input(format!(
-            "the check of '{}' found {}",
-            arguments.task,
+            "the check of '{of}' found {}",
             if count == 1 { "an error".to_owned() } else { format!("{count} errors") }
         ))),
     }

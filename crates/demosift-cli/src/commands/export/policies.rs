@@ -16,7 +16,7 @@ use crate::{run_folder, task, terminal};
 pub(super) fn run(arguments: &ExportArguments) -> Result<()> {
     let out = folder(arguments)?;
     let (identity, _) = run_folder::of_finished(&arguments.run)?;
-    let chosen = task::choose(&identity.task)?;
+    let chosen = task::of_run(&identity.task, identity.environment())?;
     if chosen.sha256 != identity.task_sha256 {
         let message =
             "the files of the task have changed since the run, so its actions may mean something else";

@@ -56,7 +56,8 @@ impl Source {
 
     /// Its task, if that is still the one it was trained on.
     pub(super) fn task(&self) -> Result<Chosen> {
-        let chosen = task::choose(&self.task)?;
+        let (identity, _) = run_folder::of_finished(&self.folder)?;
+        let chosen = task::of_run(&identity.task, identity.environment())?;
         if chosen.sha256 != self.task_sha256 {
             return Err(Error::bad_input(
                 "the files of the task have changed since this demonstrator was trained on it",

@@ -25,9 +25,11 @@ use crate::data::demonstration::hdf5::{self, damaged, find, find_group};
 use crate::data::demonstration::parquet_table::{self, Table};
 use crate::math::rows::Rows;
 
+mod seeds;
 mod subset;
 mod writing;
 
+pub use seeds::seeds;
 pub use subset::write_subset;
 pub use writing::write;
 

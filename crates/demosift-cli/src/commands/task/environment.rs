@@ -1,0 +1,288 @@
+//! `demosift task check --env`: what an environment in Python is made of, whether it repeats, and whether demonstrations fit
+//! it.
+
+use std::path::Path;
+
+use demosift::Result;
+use demosift::basics::seed::Seed;
+use demosift::data::demonstration::minari;
+use demosift::world::environment::{Specification, Task as _};
+use demosift_gymnasium::check::{self, Checked, Recorded, Replayed, SLOW};
+use demosift_gymnasium::task::GymnasiumTask;
+use demosift_gymnasium::trial::Repeats;
+use demosift_mujoco::check::{Finding, Severity, several};
+
+use super::{outcome, told, unreadable};
+use crate::answers;
+use crate::arguments::{SetArguments, TaskCheckArguments};
+use crate::demonstrations::{self, Opened};
+use crate::simulator::Simulated;
+use crate::tables::{self, Scale, table, wrapped};
+use crate::terminal;
+
+/// Demonstrations that are played again from their seed.
+const MOST_REPLAYED: usize = 10;
+/// The share of numbers beyond the bounds from which on they are in another unit, and no accident.
+const OTHER_UNIT: f64 = 0.05;
+/// The share of the bounds below which recorded actions hardly move anything.
+const HARDLY: f64 = 0.05;
+/// A drift that rounding explains: observations are compared as 32-bit numbers.
+const ROUNDING: f64 = 1e-5;
+
+/// Shows what is found; an error if anything is wrong.
+pub(super) fn check(simulated: &Simulated, arguments: &TaskCheckArguments) -> Result<()> {
+    let task = &simulated.task;
+    let name = task.source().words();
+    let tried = check::check(task, &Seed::new(arguments.seed))?;
+    let mut findings = of_environment(task, &tried);
+    let mut compared = None;
+    if let Some(data) = &arguments.data {
+        match compare(task, data, &arguments.storage) {
+            Ok(found) => {
+                findings.extend(of_demonstrations(task, &found));
+                compared = Some(found);
+            }
+            Err(error) if error.is_simulation() => return Err(error),
+            Err(error) => findings.push(unreadable(&error)),
+        }
+    }
+    findings.sort_by_key(|finding| finding.severity);
+    if arguments.json {
+        let Specification { observation_parts, control_ranges, .. } = task.specification();
+        terminal::show_json(&answers::EnvironmentCheck {
+            environment: &name,
+            simulator: &simulated.identity(),
+            observation_parts,
+            control_ranges,
+            info: task.info(),
+            tried: &tried,
+            compared: compared.as_ref(),
+            findings: &findings,
+        });
+    } else {
+        terminal::show(&summary(&name, simulated));
+        terminal::show(&under_random_actions(task, &tried));
+        terminal::show(&compared.as_ref().map_or_else(String::new, |of| replays(task, of)));
+        terminal::show(&told(&findings));
+    }
+    outcome(&findings, &name)
+}
+
+fn compare(task: &GymnasiumTask, data: &Path, how: &SetArguments) -> Result<Recorded> {
+    let Opened { source, path, .. } = demonstrations::open_unchecked(Some(data), how, None)?;
+    let set = source.set_of_any_size().map_err(|error| error.at(&path))?;
+    demonstrations::say_what_is_not_read(&source);
+    let seeds = minari::seeds(&path, &source)?;
+    check::compare(task, &set, &seeds, MOST_REPLAYED).map_err(|error| match error.is_bad_input() {
+        true => error.at(&path),
+        false => error,
+    })
+}
+
+fn summary(name: &str, simulated: &Simulated) -> String {
+    let (task, simulator) = (&simulated.task, simulated.identity());
+    let Specification { observation_size, observation_parts, horizon, control_step_secs, .. } =
+        task.specification();
+    let parts: Vec<String> =
+        observation_parts.iter().map(|(name, width)| format!("{name} {width}")).collect();
+    let versions: Vec<String> =
+        simulator.versions.iter().map(|(name, version)| format!("{name} {version}")).collect();
+    let success = if task.tells_success() { "as info says" } else { "the environment does not say" };
+    let rows = [
+        ("interpreter", format!("{}: {}", simulator.python.display(), versions.join(", "))),
+        ("episode", format!("{horizon} steps of {} s", tables::short(*control_step_secs))),
+        ("observation", format!("{observation_size} numbers: {}", parts.join(", "))),
+        ("action", actions(task.units().bounds())),
+        ("info", if task.info().is_empty() { "no numbers".to_owned() } else { task.info().join(", ") }),
+        ("heuristic", format!("{}; higher is better", simulator.heuristic)),
+        ("success", success.to_owned()),
+    ];
+    let lines = rows.iter().map(|(what, words)| tables::hanging(&format!("  {what:<12}   "), words));
+    format!("The environment '{name}':\n\n{}", lines.collect::<String>())
+}
+
+/// Such as `6 numbers from -1 to 1`.
+fn actions(bounds: &[[f64; 2]]) -> String {
+    let range = |[low, high]: &[f64; 2]| format!("{} to {}", tables::short(*low), tables::short(*high));
+    let count = several(bounds.len(), "number");
+    if bounds.iter().all(|bound| *bound == bounds[0]) {
+        return format!("{count} from {}", range(&bounds[0]));
+    }
+    let ranges: Vec<String> = bounds.iter().map(range).collect();
+    format!("{count}: from {}", ranges.join(", "))
+}
+
+fn under_random_actions(task: &GymnasiumTask, tried: &Checked) -> String {
+    let Checked { episodes, steps, terminated, truncated, scores: [least, greatest], successes, .. } = tried;
+    let scale = Scale::of([*least, *greatest], "");
+    let success = successes.map_or(String::new(), |count| format!(" {count} of them reached the goal."));
+    let words = format!(
+        "{} of random actions: {steps} steps, {} a second in one process; {terminated} ended in a terminal state, {truncated} \
+         were stopped before the horizon. The heuristic is {} to {}.{success}",
+        several(*episodes, "episode"),
+        tables::rounded(tried.trial.steps_per_sec),
+        scale.plain(*least),
+        scale.plain(*greatest)
+    );
+    let constant = match &tried.constant[..] {
+        [] => String::new(),
+        columns => {
+            let size = task.specification().observation_size;
+            format!(" {} of the {size} numbers of an observation never changed.", columns.len())
+        }
+    };
+    format!("\n{}\n", wrapped(&format!("{words}{constant}")))
+}
+
+fn replays(task: &GymnasiumTask, recorded: &Recorded) -> String {
+    if recorded.replayed.is_empty() {
+        return String::new();
+    }
+    let scale = Scale::of(recorded.replayed.iter().map(|one| one.score), "");
+    let row = |one: &Replayed| {
+        vec![
+            one.demo.to_string(),
+            format!("{} of {}", one.steps, one.recorded_steps),
+            scale.plain(one.score),
+            format!("{:.1e}", one.drift),
+            one.left_at.map_or_else(|| "never".to_owned(), |step| format!("step {step}")),
+        ]
+    };
+    let rows: Vec<Vec<String>> = recorded.replayed.iter().map(row).collect();
+    let header = ["demonstration", "steps", task.heuristic_words(), "drift", "leaves"];
+    format!("\nThe demonstrations, played again from their recorded seed:\n\n{}", table(&header, &rows))
+}
+
+fn finding(severity: Severity, message: impl Into<String>, advice: Option<&str>) -> Finding {
+    Finding { severity, message: message.into(), advice: advice.map(str::to_owned) }
+}
+
+fn of_environment(task: &GymnasiumTask, tried: &Checked) -> Vec<Finding> {
+    let repeats = tried.trial.repeats;
+    let mut findings = vec![match repeats {
+        Repeats::Exactly => finding(Severity::Fine, format!("the environment {}", repeats.words()), None),
+        Repeats::StartOnly | Repeats::No => finding(
+            Severity::Warning,
+            format!("the environment {}", repeats.words()),
+            Some(
+                "it can be used, but a run cannot be repeated or resumed to the same numbers; seed all that draws at random in \
+                 reset(seed=...)",
+            ),
+        ),
+    }];
+    if tried.alike == Some(false) {
+        findings.push(finding(
+            Severity::Warning,
+            "another process of the environment plays the same episode differently",
+            Some(
+                "something is drawn when it is made, not when it is reset; results will depend on --workers",
+            ),
+        ));
+    }
+    if repeats == Repeats::Exactly && !tried.trial.starts_differ {
+        let message = "episodes of different seeds start with the same observation";
+        findings.push(finding(Severity::Fine, message, None));
+    }
+    let rate = tried.trial.steps_per_sec;
+    findings.push(match rate < SLOW {
+        true => finding(
+            Severity::Warning,
+            format!("the environment is slow: {} steps a second", tables::rounded(rate)),
+            Some("a run asks the judge by cloning alone unless you say --judge both; --workers N plays in N processes"),
+        ),
+        false => finding(Severity::Fine, format!("{} steps a second", tables::rounded(rate)), None),
+    });
+    let [least, greatest] = tried.scores;
+    if least >= greatest && tried.episodes > 1 {
+        findings.push(finding(
+            Severity::Warning,
+            format!(
+                "the heuristic '{}' is {least} in every episode of random actions",
+                task.heuristic_words()
+            ),
+            Some("a heuristic that tells poor from poorer is easier to improve"),
+        ));
+    }
+    if tried.terminated > 0 {
+        let message = "episodes may end in a terminal state, and a heuristic is worked out of the steps that were played";
+        findings.push(finding(Severity::Fine, message, None));
+    }
+    findings
+}
+
+fn of_demonstrations(task: &GymnasiumTask, recorded: &Recorded) -> Vec<Finding> {
+    let mut findings = vec![actions_fit(task, recorded)];
+    let worst = recorded.replayed.iter().map(|one| one.drift).fold(0.0, f64::max);
+    let whole = recorded.replayed.iter().all(|one| one.steps == one.recorded_steps);
+    let count = several(recorded.replayed.len(), "demonstration");
+    findings.push(match recorded.replayed.is_empty() {
+        true => finding(
+            Severity::Fine,
+            "the set tells no seeds, so its actions cannot be played again from where they were recorded",
+            None,
+        ),
+        false if whole && worst <= ROUNDING => finding(
+            Severity::Fine,
+            format!("{count} played again from the recorded seed lead where they led when they were recorded"),
+            None,
+        ),
+        false if whole => finding(
+            Severity::Warning,
+            format!("{count} played again from the recorded seed go elsewhere, by {worst:.1e} at most"),
+            Some("another version of the simulator, or another environment; see which version recorded the set"),
+        ),
+        false => finding(
+            Severity::Error,
+            "a demonstration played again from its recorded seed ends before its actions do",
+            Some("the set was recorded in another environment, or in another version of it"),
+        ),
+    });
+    findings
+}
+
+/// Whether recorded actions can be what the environment takes.
+fn actions_fit(task: &GymnasiumTask, recorded: &Recorded) -> Finding {
+    let bounds = task.units().bounds();
+    let share = |column: usize| {
+        let ([low, high], [least, greatest]) = (bounds[column], recorded.actions[column]);
+        least.abs().max(greatest.abs()) / low.abs().max(high.abs())
+    };
+    let shares: Vec<f64> = (0..bounds.len()).map(share).collect();
+    let worst = shares
+        .iter()
+        .enumerate()
+        .max_by(|one, other| one.1.total_cmp(other.1))
+        .map_or(0, |(column, _)| column);
+    let [least, greatest] = recorded.actions[worst];
+    let beside = format!(
+        "action {worst} is recorded from {} to {}, and the environment takes {} to {}",
+        tables::short(least),
+        tables::short(greatest),
+        tables::short(bounds[worst][0]),
+        tables::short(bounds[worst][1])
+    );
+    if recorded.beyond > OTHER_UNIT {
+        let message = format!(
+            "{} of the recorded actions lie beyond the bounds: {beside}",
+            tables::percent(recorded.beyond)
+        );
+        let advice =
+            "the set is in another unit, or of another environment; its actions must be what step() takes";
+        return finding(Severity::Error, message, Some(advice));
+    }
+    if recorded.beyond > 0.0 {
+        let message = format!(
+            "{:.2} % of the recorded actions lie beyond the bounds: {beside}",
+            100.0 * recorded.beyond
+        );
+        return finding(Severity::Warning, message, Some("the environment cannot be told to do that"));
+    }
+    if shares[worst] < HARDLY {
+        let message = format!(
+            "recorded actions use less than {} of what is possible: {beside}",
+            tables::percent(HARDLY)
+        );
+        return finding(Severity::Warning, message, Some("perhaps the set is in another unit"));
+    }
+    finding(Severity::Fine, "recorded actions lie within the bounds of the environment", None)
+}

@@ -1,0 +1,296 @@
+//! A user's own simulator: `--env` from a set to a ranking, and what is said where something is wrong.
+//!
+//! Without Gymnasium these tests say that they were skipped.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+#[path = "../../demosift-gymnasium/tests/support/mod.rs"]
+mod python;
+mod support;
+
+use std::process::Output;
+use std::time::{Duration, Instant};
+
+use demosift::basics::seed::Seed;
+use demosift::data::demonstration::{Demonstration, DemonstrationSet};
+use demosift::math::rows::Rows;
+use demosift::world::point_mass;
+use support::{Scratch, assert_same_files, write_set};
+
+/// Four demonstrations of the point mass, of which 1 and 3 go to the goal, in the unit of the environment: −2 to 2.
+fn set_in_newtons(scratch: &Scratch) {
+    let planted = point_mass::planted_set(&[180.0, 0.0, 90.0, 10.0], Seed::new(3)).unwrap();
+    let doubled = planted.iter().map(|(_, of)| {
+        let actions = of.actions().flat().iter().map(|number| 2.0 * number).collect();
+        Demonstration::new(of.observations().clone(), Rows::from_flat(actions, 2).unwrap()).unwrap()
+    });
+    write_set(&scratch.0.join("set/demonstrations.hdf5"), &DemonstrationSet::new(doubled.collect()).unwrap());
+}
+
+/// Arguments that name an environment of the test's file.
+fn env(name: &str) -> Option<String> {
+    let python = python::interpreter()?;
+    Some(format!("--env {}:{name} --python {}", python::environments().display(), python.display()))
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn sift_ranks_in_an_environment_of_the_user() {
+    let Some(env) = env("limited") else { return };
+    let scratch = Scratch::new("gymnasium-sift");
+    set_in_newtons(&scratch);
+    let how = "--judge cloning --referee cloning=3 --config tiny.toml --seed 1";
+    let heuristic = ["--heuristic", "negated last distance"];
+    let sift = |out: &str, more: &str| {
+        let mut command = scratch.command(&format!("sift set {env} {how} {more} --json --out {out}"));
+        let output = command.args(heuristic).output().unwrap();
+        assert!(output.status.success(), "{}", said(&output));
+        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
+    };
+    let found = sift("whole", "--workers 2");
+    let order: Vec<u64> =
+        found["ranking"].as_array().unwrap().iter().map(|one| one["demo"].as_u64().unwrap()).collect();
+    assert!(order[..2] == [1, 3] || order[..2] == [3, 1], "those that go to the goal: {order:?}");
+    assert!(scratch.0.join("whole/report.html").exists());
+
+    // By another number of workers, and killed after judging, it is the same.
+    let judged = |more: &str| {
+        let mut command = scratch.command(&format!("judge set {env} {how} {more} --json --out parts"));
+        let output = command.args(heuristic).output().unwrap();
+        assert!(output.status.success(), "{}", said(&output));
+    };
+    judged("--workers 3");
+    sift("parts", "--workers 1 --resume");
+    let of_results = |folder: &str| {
+        let mut files = scratch.files(folder);
+        files.retain(|name, _| {
+            name.ends_with(".json") && name != "run.json" || name.ends_with(".safetensors")
+        });
+        files
+    };
+    assert_same_files(&of_results("whole"), &of_results("parts"));
+
+    let run: serde_json::Value = serde_json::from_slice(&scratch.files("whole")["run.json"]).unwrap();
+    let simulator = &run["simulator"];
+    assert_eq!(
+        (simulator["horizon"].as_u64(), simulator["heuristic"].as_str()),
+        (Some(30), Some("negated last distance"))
+    );
+    assert_eq!(simulator["repeats"], "exactly");
+    assert!(simulator["versions"]["gymnasium"].is_string() && run["task_sha256"].is_string());
+
+    // The run remembers its environment.
+    let shown = scratch.succeed("play --policy whole/policy_best.safetensors --episodes 2");
+    assert!(shown.contains("episode 1") && shown.contains("success"), "{shown}");
+    let exported = scratch.succeed("export whole --as onnx --out policies");
+    assert!(exported.contains("policies"), "{exported}");
+    let output = scratch.run("export whole --as lerobot --out lerobot");
+    assert!(said(&output).contains("--fps N"), "{}", said(&output));
+
+    // And refuses what is another one.
+    let path = scratch.0.join("whole/run.json");
+    let gymnasium = simulator["versions"]["gymnasium"].as_str().unwrap();
+    let text = std::fs::read_to_string(&path).unwrap();
+    let other = text.replace(&format!("\"gymnasium\": \"{gymnasium}\""), "\"gymnasium\": \"0.29.1\"");
+    assert_ne!(text, other);
+    std::fs::write(&path, other).unwrap();
+    let output = scratch.run("select --resume --out whole");
+    let wanted = format!("the version of gymnasium was 0.29.1 there, and is {gymnasium} now");
+    assert!(output.status.code() == Some(2) && said(&output).contains(&wanted), "{}", said(&output));
+    std::fs::write(&path, text).unwrap();
+    let output = scratch.run("select --resume --out whole --horizon 20");
+    assert!(said(&output).contains("the horizon was 30 there, and is 20 now"), "{}", said(&output));
+}
+
+#[test]
+fn a_dry_run_counts_and_a_recording_is_in_the_unit_of_the_environment() {
+    let Some(env) = env("limited") else { return };
+    let scratch = Scratch::new("gymnasium-record");
+    set_in_newtons(&scratch);
+    let shown = scratch.succeed(&format!("sift set {env} --judge cloning --config tiny.toml --dry-run"));
+    assert!(shown.contains("Nothing was written"), "{shown}");
+    scratch.succeed(&format!(
+        "record {env} --count 3 --set demonstrator.snapshot_every=1 --set demonstrator.batch_steps=300 \
+         --set demonstrator.updates=4 --out recorded"
+    ));
+    let seen = scratch.succeed("inspect recorded --json");
+    let seen: serde_json::Value = serde_json::from_str(&seen).unwrap();
+    assert_eq!(seen["learnable"], true);
+    let shown = scratch.succeed(&format!("task check {env} --data recorded"));
+    assert!(shown.contains("recorded actions lie within the bounds"), "{shown}");
+}
+
+#[test]
+fn task_check_says_what_an_environment_is_and_whether_it_repeats() {
+    let Some(env) = env("limited") else { return };
+    let scratch = Scratch::new("gymnasium-check");
+    set_in_newtons(&scratch);
+    let shown = scratch.succeed(&format!("task check {env} --data set"));
+    for words in [
+        "2 numbers from -2 to 2",
+        "observation    4 numbers: observation 4",
+        "30 steps of 0.1 s",
+        "distance, is_success",
+        "repeats: the same seed and actions make the same episode",
+        "recorded actions lie within the bounds",
+        "the set tells no seeds",
+    ] {
+        assert!(shown.contains(words), "{words}: {shown}");
+    }
+    let loose = scratch.succeed(&format!("task check {} --horizon 30 --json", self::env("drifts").unwrap()));
+    let loose: serde_json::Value = serde_json::from_str(&loose).unwrap();
+    assert_eq!(loose["tried"]["trial"]["repeats"], "start_only");
+    let findings = loose["findings"].to_string();
+    assert!(findings.contains("does not repeat") && findings.contains("warning"), "{findings}");
+
+    // Twice as far as the environment goes.
+    let doubled = point_mass::planted_set(&[0.0, 10.0], Seed::new(3)).unwrap();
+    let doubled = doubled.iter().map(|(_, of)| {
+        let actions = of.actions().flat().iter().map(|number| 8.0 * number).collect();
+        Demonstration::new(of.observations().clone(), Rows::from_flat(actions, 2).unwrap()).unwrap()
+    });
+    write_set(&scratch.0.join("set/demonstrations.hdf5"), &DemonstrationSet::new(doubled.collect()).unwrap());
+    let output = scratch.run(&format!("task check {env} --data set"));
+    let shown = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.code() == Some(2) && shown.contains("the set is in another unit"), "{shown}");
+}
+
+#[test]
+fn mistakes_are_one_sentence_each() {
+    let Some(limited) = env("limited") else { return };
+    let scratch = Scratch::new("gymnasium-mistakes");
+    set_in_newtons(&scratch);
+    let of = |name: &str| env(name).unwrap();
+    for (arguments, code, wanted) in [
+        (format!("sift set {limited} --task point_mass"), 2, "cannot be used with"),
+        (
+            "sift set --task point_mass --heuristic count".to_owned(),
+            2,
+            "--heuristic is about an environment, and none is given",
+        ),
+        ("sift set --env HalfCheetah-v5".to_owned(), 2, "did you mean gymnasium:HalfCheetah-v5?"),
+        ("sift set --env from-set".to_owned(), 2, "only sets of Minari do"),
+        (format!("sift set {}", of("make")), 2, "add --horizon N"),
+        (
+            format!("sift set {limited} --heuristic count --workers 0"),
+            2,
+            "--workers 0: must be from 1 to 4096",
+        ),
+        (format!("sift set {}", of("discrete")), 2, "the action space is Discrete"),
+        (format!("sift set {limited} --python no_such_python/python3"), 2, "cannot be used multiple times"),
+        (
+            format!(
+                "judge set {} --horizon 30 --judge cloning --config tiny.toml --out raised",
+                of("raises_late")
+            ),
+            1,
+            "the environment failed in a step: RuntimeError: the arm is gone (point.py, line",
+        ),
+        (
+            format!(
+                "judge set {} --horizon 30 --judge cloning --config tiny.toml --out killed",
+                of("kills_itself")
+            ),
+            1,
+            "ended by signal 9 (SIGKILL, perhaps for want of memory) during a step; its last words: out of luck",
+        ),
+    ] {
+        let output = scratch.run(&arguments);
+        let said = said(&output);
+        assert_eq!(output.status.code(), Some(code), "{arguments}: {said}");
+        assert!(said.contains(wanted) && !said.contains("panicked"), "{arguments}: {said}");
+    }
+}
+
+#[test]
+fn no_worker_outlives_the_command() {
+    let Some(env) = env("hangs_and_says_who_it_is") else { return };
+    let scratch = Scratch::new("gymnasium-orphan");
+    set_in_newtons(&scratch);
+    let arguments = format!(
+        "judge set {env} --horizon 30 --judge cloning --config tiny.toml --workers 1 --time-limit 900"
+    );
+    let mut command = scratch.command(&arguments).spawn().unwrap();
+    let file = scratch.0.join("worker.pid");
+    while !file.exists() {
+        assert!(command.try_wait().unwrap().is_none(), "it hangs in its first episode");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let worker = std::fs::read_to_string(&file).unwrap();
+    // Not by a signal that could be told of.
+    command.kill().unwrap();
+    command.wait().unwrap();
+    // Gone, or dead and waiting for whoever inherits it.
+    let lives =
+        || std::fs::read_to_string(format!("/proc/{worker}/stat")).is_ok_and(|stat| !stat.contains(") Z "));
+    let until = Instant::now() + Duration::from_secs(60);
+    while lives() {
+        assert!(Instant::now() < until, "the worker {worker} is still there");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// As Minari writes it: an environment by its specification, and a seed beside each episode.
+#[test]
+fn a_set_of_minari_names_its_environment_and_its_episodes_come_again() {
+    let Some(python) = python::interpreter() else { return };
+    let scratch = Scratch::new("gymnasium-minari");
+    let script = python::environments().with_file_name("record_pendulum.py");
+    let made = std::process::Command::new(&python).arg(script).arg(scratch.0.join("made")).output().unwrap();
+    assert!(made.status.success(), "{}", said(&made));
+    minari_of(&scratch.0.join("made"), &scratch.0.join("pendulum"));
+    let from_set = format!("--env from-set --python {}", python.display());
+    let shown = scratch.succeed(&format!("task check {from_set} --data pendulum"));
+    for words in ["1 number from -2 to 2", "200 steps", "lead where they led when they were recorded"] {
+        assert!(shown.contains(words), "{words}: {shown}");
+    }
+    let found = scratch.succeed(&format!(
+        "judge pendulum {from_set} --judge cloning --config tiny.toml --set cloning_judge.judging.evaluations=2 --json"
+    ));
+    let found: serde_json::Value = serde_json::from_str(&found).unwrap();
+    assert!(found["run_folder"].as_str().unwrap().ends_with("Pendulum-v1"), "{found}");
+
+    // Code that nobody registered is not run for the asking.
+    let metadata = scratch.0.join("pendulum/data/metadata.json");
+    let text = std::fs::read_to_string(&metadata).unwrap();
+    std::fs::write(&metadata, text.replace("pendulum:PendulumEnv", "os:getcwd")).unwrap();
+    let output = scratch.run(&format!("task check {from_set} --data pendulum"));
+    let said = said(&output);
+    assert!(output.status.code() == Some(2) && said.contains("which is not registered here"), "{said}");
+    assert!(said.contains("--trust-set"), "{said}");
+}
+
+/// Writes what `record_pendulum.py` recorded as Minari would.
+fn minari_of(made: &std::path::Path, out: &std::path::Path) {
+    use hdf5_pure::{AttrValue, FileBuilder};
+    let read = |name: &str| -> serde_json::Value {
+        serde_json::from_slice(&std::fs::read(made.join(name)).unwrap()).unwrap()
+    };
+    let mut file = FileBuilder::new();
+    let episodes = read("episodes.json");
+    for (index, episode) in episodes.as_array().unwrap().iter().enumerate() {
+        let numbers = |key: &str| -> Vec<f32> {
+            episode[key].as_array().unwrap().iter().map(|number| number.as_f64().unwrap() as f32).collect()
+        };
+        let steps = numbers("actions").len() as u64;
+        let mut group = file.create_group(&format!("episode_{index}"));
+        group.set_attr("seed", AttrValue::U64(episode["seed"].as_u64().unwrap()));
+        group
+            .create_dataset("observations")
+            .with_f32_data(&numbers("observations"))
+            .with_shape(&[steps + 1, 3]);
+        group.create_dataset("actions").with_f32_data(&numbers("actions")).with_shape(&[steps, 1]);
+        file.add_group(group.finish());
+    }
+    std::fs::create_dir_all(out.join("data")).unwrap();
+    std::fs::write(out.join("data/main_data.hdf5"), file.finish().unwrap()).unwrap();
+    let metadata = serde_json::json!({
+        "data_format": "hdf5",
+        "env_spec": read("spec.json").to_string(),
+        "total_episodes": episodes.as_array().unwrap().len(),
+    });
+    std::fs::write(out.join("data/metadata.json"), metadata.to_string()).unwrap();
+}

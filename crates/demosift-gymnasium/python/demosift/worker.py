@@ -1,0 +1,416 @@
+"""Plays one Gymnasium environment for demosift, which asks over standard input and is answered over standard output.
+
+demosift hands this file to the user's own interpreter, so it needs numpy and gymnasium and nothing of demosift.
+What is asked and answered are frames: the length of the payload (u32), one letter, the payload; all numbers little-endian.
+
+| asked | payload | answered | payload |
+|---|---|---|---|
+| `O` open | JSON: environment | `G` greeting | JSON: versions, sizes, names |
+| `M` measure | JSON: names of numbers in info | `K` done | none |
+| `R` reset | seed, u64 | `T` turn | see `turn` |
+| `S` step | action in the environment's own unit, f64 each | `T` turn | see `turn` |
+| | | `E` error | JSON: what was wrong |
+
+It ends when standard input does, and with its parent.
+"""
+
+import ctypes
+import json
+import os
+import signal
+import struct
+import sys
+
+PROTOCOL = 1
+LETTERS = {"open": b"O", "measure": b"M", "reset": b"R", "step": b"S"}
+TERMINATED, TRUNCATED = 1, 2
+PR_SET_PDEATHSIG = 1
+DEEPEST = 8
+
+
+class Refused(Exception):
+    """The environment works, and demosift cannot use it; says why, and what would help."""
+
+    def __init__(self, message, hint=None):
+        super().__init__(message)
+        self.hint = hint
+
+
+def end_with_parent(parent):
+    """The kernel ends this process with its parent, even in the middle of a step."""
+    try:
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    except (OSError, AttributeError):
+        return
+    # It may have ended before that; whoever has lost its parent belongs to the first process.
+    if os.getppid() == 1 and parent != 1:
+        os._exit(1)
+
+
+def take_streams():
+    """The streams of the frames. What the environment prints goes to standard error, and it finds nothing to read."""
+    asked, answers = os.dup(0), os.dup(1)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
+    os.dup2(2, 1)
+    return os.fdopen(asked, "rb"), answers
+
+
+def make(asked):
+    """The environment that is asked for."""
+    import gymnasium
+
+    if asked.get("spec") is not None:
+        spec = spec_of(asked["spec"])
+        if not asked.get("trust"):
+            check_registered(spec)
+        return gymnasium.make(spec, disable_env_checker=True)
+    if asked["kind"] == "gymnasium":
+        return gymnasium.make(asked["name"], disable_env_checker=True)
+    module = import_file(asked["file"]) if asked["kind"] == "file" else __import__("importlib").import_module(asked["module"])
+    found = module
+    for part in asked["name"].split("."):
+        found = getattr(found, part)
+    return found() if callable(found) else found
+
+
+def spec_of(text):
+    """A specification as a set holds it, which may be of another version of Gymnasium."""
+    import dataclasses
+
+    from gymnasium.envs.registration import EnvSpec
+
+    known = {field.name for field in dataclasses.fields(EnvSpec) if field.init}
+    parsed = {"additional_wrappers": [], **json.loads(text)}
+    return EnvSpec.from_json(json.dumps({name: value for name, value in parsed.items() if name in known}))
+
+
+def check_registered(spec):
+    """Refuses code that a set names and that nobody registered here: of the environment, or of a wrapper around it."""
+    import gymnasium
+
+    known = gymnasium.registry.get(spec.id)
+    named = [] if known is not None and known.entry_point == spec.entry_point else [spec.entry_point]
+    named += [wrapper.entry_point for wrapper in spec.additional_wrappers]
+    for entry_point in named:
+        if not str(entry_point).startswith("gymnasium.wrappers."):
+            raise Refused(
+                f"the set names the environment '{spec.id}' with the code '{entry_point}', which is not registered here",
+                "install the package that registers it, or add --trust-set to run the code that the set names",
+            )
+
+
+def import_file(path):
+    """The module in a file, whose neighbors it can import."""
+    import importlib.util
+
+    folder, name = os.path.dirname(path), os.path.splitext(os.path.basename(path))[0]
+    sys.path.insert(0, folder)
+    spec = importlib.util.spec_from_file_location(name, path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def leaves(space, name="", depth=0):
+    """The parts of an observation space by the order of their names: name, space, and how to get there."""
+    from gymnasium import spaces
+
+    if depth > DEEPEST:
+        raise Refused(f"the observation space is nested more than {DEEPEST} deep")
+    if isinstance(space, spaces.Dict):
+        inner = [(key, key, part) for key, part in sorted(space.spaces.items())]
+    elif isinstance(space, spaces.Tuple):
+        inner = [(f"_index_{index}", index, part) for index, part in enumerate(space.spaces)]
+    else:
+        return [(name or "observation", space, ())]
+    found = []
+    for label, key, part in inner:
+        below = leaves(part, f"{name}/{label}" if name else str(label), depth + 1)
+        found.extend((label, leaf, (key, *way)) for label, leaf, way in below)
+    return found
+
+
+def flattener(name, space, way):
+    """How a part of an observation becomes numbers, and how many."""
+    import numpy
+    from gymnasium import spaces
+
+    if isinstance(space, spaces.Box):
+        is_image = len(space.shape) >= 3 or (space.dtype == numpy.uint8 and len(space.shape) == 2)
+        if is_image:
+            raise Refused(
+                f"the part '{name}' of an observation is an image of shape {space.shape}, and policies of demosift read numbers",
+                "leave images out of the observation, such as by gymnasium.wrappers.FilterObservation",
+            )
+        numbers = lambda value: numpy.asarray(value, dtype=numpy.float32).ravel()
+        return numbers, int(numpy.prod(space.shape, dtype=int))
+    if isinstance(space, (spaces.Discrete, spaces.MultiDiscrete, spaces.MultiBinary)):
+        numbers = lambda value: numpy.asarray(spaces.flatten(space, value), dtype=numpy.float32)
+        return numbers, spaces.flatdim(space)
+    raise Refused(
+        f"the part '{name}' of an observation is a {type(space).__name__}, which has no fixed numbers",
+        "wanted Box, Discrete, MultiDiscrete or MultiBinary, alone or in Dict and Tuple",
+    )
+
+
+def action_bounds(space):
+    """What the action space can be: a Box with finite bounds."""
+    import numpy
+    from gymnasium import spaces
+
+    if not isinstance(space, spaces.Box):
+        raise Refused(
+            f"the action space is {type(space).__name__}, and policies of demosift act in a Box of numbers",
+            "wanted gymnasium.spaces.Box with finite bounds",
+        )
+    if not numpy.issubdtype(space.dtype, numpy.floating):
+        raise Refused(f"actions are of type {space.dtype}, and must be floating-point numbers")
+    low, high = space.low.ravel().astype(float), space.high.ravel().astype(float)
+    for number, (least, greatest) in enumerate(zip(low, high)):
+        if not (numpy.isfinite(least) and numpy.isfinite(greatest) and least < greatest):
+            raise Refused(
+                f"action {number} has the bounds {least} and {greatest}, and both must be finite, the first below the second",
+                "give the action_space of the environment the bounds that it has in truth",
+            )
+    return [[float(least), float(greatest)] for least, greatest in zip(low, high)]
+
+
+def limit_of(env):
+    """After how many steps the environment stops an episode by itself, if that can be seen."""
+    spec = getattr(env, "spec", None)
+    limits = [getattr(spec, "max_episode_steps", None)]
+    while env is not None:
+        # What TimeLimit keeps; a spec is missing where the environment is not registered.
+        limits.append(vars(env).get("_max_episode_steps") if hasattr(env, "__dict__") else None)
+        env = vars(env).get("env") if hasattr(env, "__dict__") else None
+    return min((int(limit) for limit in limits if isinstance(limit, int) and limit > 0), default=None)
+
+
+def step_secs(env):
+    """Simulated seconds of a step, where the environment tells."""
+    inner = getattr(env, "unwrapped", env)
+    try:
+        dt = getattr(inner, "dt", None)
+        dt = dt() if callable(dt) else dt
+        rate = (getattr(inner, "metadata", None) or {}).get("render_fps")
+        secs = float(dt) if dt else 1.0 / float(rate)
+        return secs if 0.0 < secs < 1e6 else None
+    except Exception:
+        return None
+
+
+def versions(env):
+    """Of all that the physics depend on."""
+    import platform
+    from importlib import metadata
+
+    import gymnasium
+    import numpy
+
+    found = {"python": platform.python_version(), "gymnasium": gymnasium.__version__, "numpy": numpy.__version__}
+    own = type(getattr(env, "unwrapped", env)).__module__.split(".")[0]
+    simulators = ["mujoco", "pybullet", "robosuite", "dm_control", "Box2D", "sapien", "torch", "jax"]
+    for name in [*simulators, own]:
+        module = sys.modules.get(name)
+        if module is None or name in found:
+            continue
+        try:
+            version = getattr(module, "__version__", None) or metadata.version(name)
+        except Exception:
+            continue
+        if isinstance(version, str):
+            found[name] = version
+    return found
+
+
+def as_number(value):
+    """A number of info as a float; None if it is none."""
+    import numbers
+
+    import numpy
+
+    if isinstance(value, (bool, numbers.Real, numpy.bool_)):
+        return float(value)
+    if isinstance(value, numpy.ndarray) and value.size == 1 and value.dtype.kind in "biuf":
+        return float(value.ravel()[0])
+    return None
+
+
+class Player:
+    """The environment with what is known of it."""
+
+    def __init__(self, env):
+        import numpy
+
+        self.numpy = numpy
+        self.env = env
+        for wanted in ("reset", "step", "observation_space", "action_space"):
+            if not hasattr(env, wanted):
+                raise Refused(
+                    f"what was made is of type {type(env).__name__}, without '{wanted}', so it is no environment of Gymnasium",
+                    "wanted a gymnasium.Env, or a function without arguments that returns one",
+                )
+        self.bounds = action_bounds(env.action_space)
+        self.parts = []
+        for name, space, way in leaves(env.observation_space):
+            numbers, width = flattener(name, space, way)
+            self.parts.append((name, way, numbers, width))
+        self.shape, self.dtype = env.action_space.shape, env.action_space.dtype
+        self.always, self.measured, self.steps = set(), [], 0
+
+    def reset(self, seed):
+        import random
+
+        # For environments that draw from these and not from their own generator.
+        random.seed(seed)
+        self.numpy.random.seed(seed % 2**32)
+        self.steps = 0
+        observation, _ = self.env.reset(seed=seed)
+        return self.turn(observation, 0.0, False, False, None)
+
+    def step(self, action):
+        action = self.numpy.frombuffer(action, dtype="<f8").astype(self.dtype).reshape(self.shape)
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        self.steps += 1
+        return self.turn(observation, float(reward), bool(terminated), bool(truncated), info)
+
+    def turn(self, observation, reward, terminated, truncated, info):
+        """u8 with bits 1 terminated and 2 truncated, reward f64, observation f32 each, measured numbers f64 each."""
+        flags = (TERMINATED if terminated else 0) | (TRUNCATED if truncated else 0)
+        numbers = self.flat(observation).astype("<f4", copy=False).tobytes()
+        measured = [self.measure(info, name) for name in self.measured]
+        return struct.pack("<Bd", flags, reward) + numbers + struct.pack(f"<{len(measured)}d", *measured)
+
+    def measure(self, info, name):
+        """A number of info; 0 after the reset. One that was there after the first step of all has to be there always."""
+        if info is None:
+            return 0.0
+        number = as_number(info.get(name))
+        if number is None and name in self.always:
+            raise Refused(f"info has no number '{name}' after step {self.steps}, and had one after the first step")
+        return 0.0 if number is None else number
+
+    def flat(self, observation):
+        parts = []
+        for name, way, numbers, width in self.parts:
+            value = observation
+            for key in way:
+                value = value[key]
+            part = numbers(value)
+            if part.size != width:
+                raise Refused(f"the part '{name}' of an observation has {part.size} numbers, and its space says {width}")
+            parts.append(part)
+        return parts[0] if len(parts) == 1 else self.numpy.concatenate(parts)
+
+    def numbers_in_info(self, whole_episode, limit):
+        """Names of the numbers in info after one step, or after any step of an episode."""
+        self.reset(0)
+        if hasattr(self.env.action_space, "seed"):
+            self.env.action_space.seed(0)
+        found, seen = [], 0
+        while True:
+            _, _, terminated, truncated, info = self.env.step(self.env.action_space.sample())
+            seen += 1
+            names = [str(name) for name, value in info.items() if as_number(value) is not None]
+            if seen == 1:
+                self.always = set(names)
+            found.extend(name for name in names if name not in found)
+            if not whole_episode or terminated or truncated or seen == limit:
+                return sorted(found)
+
+    def greeting(self, limit):
+        info = self.numbers_in_info(False, 1)
+        return {
+            "protocol": PROTOCOL,
+            "versions": versions(self.env),
+            "name": getattr(getattr(self.env, "spec", None), "id", None),
+            "parts": [[name, width] for name, _, _, width in self.parts],
+            "bounds": self.bounds,
+            "info": info,
+            "limit": limit_of(self.env),
+            "step_secs": step_secs(self.env),
+        }
+
+
+class Desk:
+    """Answers one frame after the other."""
+
+    def __init__(self):
+        self.player = None
+
+    def answer(self, letter, payload):
+        if letter == LETTERS["step"]:
+            return b"T", self.player.step(payload)
+        if letter == LETTERS["reset"]:
+            return b"T", self.player.reset(struct.unpack("<Q", payload)[0])
+        asked = json.loads(payload)
+        if letter == LETTERS["measure"]:
+            return b"K", self.measure(asked)
+        if letter == LETTERS["open"]:
+            self.player = Player(make(asked))
+            return b"G", json.dumps(self.player.greeting(asked.get("limit"))).encode()
+        raise ValueError(f"the request {letter!r} is unknown to a worker of protocol {PROTOCOL}")
+
+    def measure(self, asked):
+        """Measures these from now on; the answer lists all there are if one of them is missing."""
+        known = set(self.player.always)
+        if not known.issuperset(asked["names"]):
+            # Some are there only at the end of an episode.
+            known.update(self.player.numbers_in_info(True, asked["limit"]))
+        if known.issuperset(asked["names"]):
+            self.player.measured = asked["names"]
+        return json.dumps(sorted(known)).encode()
+
+
+def problem(error):
+    """An error as its last line says it, with the place in the code."""
+    import traceback
+
+    if isinstance(error, Refused):
+        return {"kind": "refused", "message": str(error), "hint": error.hint, "place": None}
+    frames = traceback.extract_tb(error.__traceback__)
+    theirs = [frame for frame in frames if frame.filename not in ("<string>", __file__ if "__file__" in globals() else "")]
+    place = None
+    if theirs:
+        last = theirs[-1]
+        place = f"{os.path.basename(last.filename)}, line {last.lineno}, in {last.name}"
+    lines = "".join(traceback.format_exception_only(type(error), error)).strip().splitlines()
+    return {"kind": "raised", "message": (lines or [type(error).__name__])[-1], "hint": None, "place": place}
+
+
+def exactly(stream, count):
+    """So many bytes; None where the stream has ended."""
+    data = stream.read(count)
+    return data if data is not None and len(data) == count else None
+
+
+def send(descriptor, letter, payload):
+    frame = memoryview(struct.pack("<I", len(payload)) + letter + payload)
+    while frame:
+        frame = frame[os.write(descriptor, frame) :]
+
+
+def main():
+    end_with_parent(int(sys.argv[1]))
+    asked, answers = take_streams()
+    desk = Desk()
+    while True:
+        head = exactly(asked, 5)
+        payload = None if head is None else exactly(asked, struct.unpack("<I", head[:4])[0])
+        if payload is None:
+            break
+        try:
+            letter, answer = desk.answer(head[4:], payload)
+        except BaseException as error:  # Also SystemExit: whatever it is, it is told and not lost.
+            letter, answer = b"E", json.dumps(problem(error)).encode()
+        sys.stdout.flush()
+        send(answers, letter, answer)
+    if desk.player is not None and hasattr(desk.player.env, "close"):
+        desk.player.env.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,27 @@
+//! A user's own simulator: an environment of Gymnasium, in Python processes, as a task of demosift.
+//!
+//! The environment lives in the user's own interpreter, one process for each worker, so that it may need whatever it needs:
+//! its MuJoCo need not be ours, and what crashes there is an error here.
+//! A process is handed one file of Python, which is part of this crate and needs numpy and gymnasium only.
+//! The policy is played here and stepped over a pipe, so what it does has the bits of every other task.
+//!
+//! | here | is |
+//! |---|---|
+//! | [`source`] | what the user calls the environment, and what a set says of its own |
+//! | `process` | one process: frames, a time limit, its last words |
+//! | `session` | one environment that is open: reset, step |
+//! | [`task`] | the environment as a [`Task`](demosift::world::environment::Task) with its workers |
+//! | [`trial`] | a few steps by which is seen whether it repeats |
+//! | [`units`] | actions in the environment's own unit |
+//! | [`check`] | whether it repeats, how fast it is, and whether recorded demonstrations fit it |
+//!
+//! What an episode leaves behind, step by step: `reward`, `terminated`, and the numbers of `info` that the heuristic reads.
+//! The row after the reset has nothing to say and is 0; no heuristic reads it.
+
+pub mod check;
+mod process;
+mod session;
+pub mod source;
+pub mod task;
+pub mod trial;
+pub mod units;

@@ -1,0 +1,214 @@
+//! One environment that is open in a process: it is reset and stepped from here.
+
+use std::collections::BTreeMap;
+
+use demosift::{Error, Result};
+use serde::Deserialize;
+use serde_json::json;
+
+use crate::process::{Answer, Interpreter, Process};
+use crate::source::Source;
+
+/// The version of the frames, the same in `python/demosift/worker.py`.
+const PROTOCOL: u32 = 1;
+const OPEN: u8 = b'O';
+const MEASURE: u8 = b'M';
+const RESET: u8 = b'R';
+const STEP: u8 = b'S';
+const GREETING: u8 = b'G';
+const DONE: u8 = b'K';
+const TURN: u8 = b'T';
+const PROBLEM: u8 = b'E';
+const TERMINATED: u8 = 1;
+const TRUNCATED: u8 = 2;
+/// Flags and reward stand before the observation of a turn.
+const TURN_HEAD: usize = 9;
+
+/// What an environment says of itself when it is opened.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub(crate) struct Greeting {
+    pub(crate) protocol: u32,
+    /// Of Python and of all that the physics depend on.
+    pub(crate) versions: BTreeMap<String, String>,
+    /// The parts of an observation, by name, and how many numbers each has.
+    pub(crate) parts: Vec<(String, usize)>,
+    /// Of each number of an action, in the environment's own unit.
+    pub(crate) bounds: Vec<[f64; 2]>,
+    /// Names of the numbers in info after one step.
+    pub(crate) info: Vec<String>,
+    /// Steps after which it stops an episode by itself.
+    pub(crate) limit: Option<usize>,
+    /// Simulated seconds of a step.
+    pub(crate) step_secs: Option<f64>,
+}
+
+/// What was wrong in the process.
+#[derive(Deserialize)]
+struct Problem {
+    /// `refused` if the environment works and cannot be used, `raised` if it does not work.
+    kind: String,
+    message: String,
+    hint: Option<String>,
+    /// Where in the code.
+    place: Option<String>,
+}
+
+/// What a reset or a step leads to.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Turn {
+    pub(crate) terminated: bool,
+    pub(crate) truncated: bool,
+    pub(crate) reward: f64,
+    /// `[obs]`.
+    pub(crate) observation: Vec<f32>,
+    /// The numbers of info that are measured.
+    pub(crate) info: Vec<f64>,
+}
+
+/// An open environment. After an error it is of no use.
+pub(crate) struct Session {
+    process: Process,
+    observation_size: usize,
+    measured: usize,
+    /// Whether the last request was answered; only then another one may be made.
+    sound: bool,
+}
+
+impl Session {
+    /// Starts a process and makes the environment in it.
+    ///
+    /// # Errors
+    /// `is_bad_input` if there is no such interpreter or environment, or one that cannot be used.
+    pub(crate) fn open(interpreter: &Interpreter, source: &Source) -> Result<(Self, Greeting)> {
+        let mut process = Process::start(interpreter)?;
+        let what = format!("the start of {}", source.words());
+        let answer = process.ask(OPEN, source.request().to_string().as_bytes(), &what)?;
+        if answer.letter == PROBLEM {
+            let problem = problem(&answer, &what)?;
+            return Err(at_the_start(&problem, interpreter, source));
+        }
+        let greeting: Greeting = json_of(&answer, GREETING, &what)?;
+        if greeting.protocol != PROTOCOL {
+            return Err(Error::simulation(format!(
+                "the worker speaks protocol {}, and this demosift {PROTOCOL}",
+                greeting.protocol
+            )));
+        }
+        let observation_size = greeting.parts.iter().map(|(_, width)| width).sum();
+        if observation_size == 0 {
+            let message = format!("an observation of {} has no numbers", source.words());
+            return Err(Error::bad_input(message));
+        }
+        Ok((Self { process, observation_size, measured: 0, sound: true }, greeting))
+    }
+
+    /// Measures these numbers of info from now on. Returns all there are: if one of them is missing, nothing is measured.
+    ///
+    /// Some are there only at the end of an episode, so an episode of at most `limit` steps is played for one that is not
+    /// there after the first step.
+    pub(crate) fn measure(&mut self, names: &[String], limit: usize) -> Result<Vec<String>> {
+        let asked = json!({ "names": names, "limit": limit }).to_string();
+        let answer = self.ask(MEASURE, asked.as_bytes(), "an episode of random actions")?;
+        let known: Vec<String> = json_of(&answer, DONE, "names")?;
+        if names.iter().all(|name| known.contains(name)) {
+            self.measured = names.len();
+        }
+        Ok(known)
+    }
+
+    /// Starts an episode.
+    pub(crate) fn reset(&mut self, seed: u64, turn: &mut Turn) -> Result<()> {
+        let answer = self.ask(RESET, &seed.to_le_bytes(), "a reset")?;
+        self.read_turn(&answer, turn)
+    }
+
+    /// Takes a step with an action `[act]` in the environment's own unit.
+    pub(crate) fn step(&mut self, action: &[f64], turn: &mut Turn) -> Result<()> {
+        let payload: Vec<u8> = action.iter().flat_map(|number| number.to_le_bytes()).collect();
+        let answer = self.ask(STEP, &payload, "a step")?;
+        self.read_turn(&answer, turn)
+    }
+
+    /// Whether it answered all that was asked, so that it may be asked again.
+    pub(crate) fn is_sound(&self) -> bool {
+        self.sound
+    }
+
+    /// Lets the process close the environment, without waiting for it.
+    pub(crate) fn close(&mut self) {
+        self.process.close();
+    }
+
+    fn ask(&mut self, letter: u8, payload: &[u8], what: &str) -> Result<Answer> {
+        self.sound = false;
+        let answer = self.process.ask(letter, payload, what)?;
+        if answer.letter == PROBLEM {
+            let Problem { message, hint, place, .. } = problem(&answer, what)?;
+            let place = place.map_or_else(String::new, |place| format!(" ({place})"));
+            let error = Error::simulation(format!("the environment failed in {what}: {message}{place}"));
+            return Err(match hint {
+                Some(hint) => error.with_hint(hint),
+                None => error,
+            });
+        }
+        self.sound = true;
+        Ok(answer)
+    }
+
+    fn read_turn(&mut self, answer: &Answer, turn: &mut Turn) -> Result<()> {
+        let Answer { letter, payload } = answer;
+        let (observed, measured) = (self.observation_size, self.measured);
+        if *letter != TURN || payload.len() != TURN_HEAD + 4 * observed + 8 * measured {
+            self.sound = false;
+            return Err(Error::simulation("the worker's answer to a step is no turn"));
+        }
+        let (head, rest) = payload.split_at(TURN_HEAD);
+        let (observation, info) = rest.split_at(4 * observed);
+        turn.terminated = head[0] & TERMINATED != 0;
+        turn.truncated = head[0] & TRUNCATED != 0;
+        turn.reward = f64s(&head[1..]).next().unwrap_or(f64::NAN);
+        turn.observation.clear();
+        turn.observation
+            .extend(observation.chunks_exact(4).map(|of| f32::from_le_bytes([of[0], of[1], of[2], of[3]])));
+        turn.info.clear();
+        turn.info.extend(f64s(info));
+        Ok(())
+    }
+}
+
+fn f64s(bytes: &[u8]) -> impl Iterator<Item = f64> {
+    bytes
+        .chunks_exact(8)
+        .map(|of| f64::from_le_bytes([of[0], of[1], of[2], of[3], of[4], of[5], of[6], of[7]]))
+}
+
+fn problem(answer: &Answer, what: &str) -> Result<Problem> {
+    json_of(answer, PROBLEM, what)
+}
+
+fn json_of<T: for<'a> Deserialize<'a>>(answer: &Answer, letter: u8, what: &str) -> Result<T> {
+    let read = if answer.letter == letter { serde_json::from_slice(&answer.payload).ok() } else { None };
+    read.ok_or_else(|| Error::simulation(format!("the worker's answer to {what} cannot be read")))
+}
+
+/// An environment that could not be made is the user's to mend.
+fn at_the_start(problem: &Problem, interpreter: &Interpreter, source: &Source) -> Error {
+    let Problem { kind, message, hint, place } = problem;
+    let words = source.words();
+    if kind == "refused" {
+        let error = Error::bad_input(format!("{words}: {message}"));
+        return match hint {
+            Some(hint) => error.with_hint(hint),
+            None => error,
+        };
+    }
+    let place = place.as_ref().map_or_else(String::new, |place| format!(" ({place})"));
+    let python = interpreter.python.display();
+    let hint = match message.split('\'').nth(1).filter(|_| message.starts_with("ModuleNotFoundError")) {
+        Some(module) => format!(
+            "install what holds '{module}' into the interpreter {python}, or name another one with --python PATH"
+        ),
+        None => format!("it was made by the interpreter {python}; --python PATH names another one"),
+    };
+    Error::bad_input(format!("{words} cannot be made: {message}{place}")).with_hint(hint)
+}

@@ -1,0 +1,223 @@
+//! What the user calls an environment, such as `gymnasium:HalfCheetah-v5`, `my_env.py:make` or `package.module:make`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use demosift::{Error, Result};
+use serde_json::{Value, json};
+
+/// What stands before the name of a registered environment.
+const GYMNASIUM: &str = "gymnasium:";
+/// The environment that the demonstrations name themselves.
+const FROM_SET: &str = "from-set";
+const WANTED: &str = "wanted gymnasium:ID such as gymnasium:HalfCheetah-v5, FILE.py:FUNCTION such as my_env.py:make, \
+                      package.module:FUNCTION, or from-set";
+
+/// Where an environment comes from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// Registered in Gymnasium.
+    Gymnasium(String),
+    /// Made by a function, or a class, in a file.
+    File {
+        /// The file, absolute.
+        file: PathBuf,
+        /// The function without arguments.
+        name: String,
+    },
+    /// Made by a function, or a class, of a module that Python can import.
+    Module {
+        /// Such as `package.module`.
+        module: String,
+        /// The function without arguments.
+        name: String,
+    },
+    /// Named by a set.
+    Set {
+        /// The `EnvSpec` as Gymnasium writes it in JSON.
+        spec: String,
+        /// Whether code that the set names may run although nobody registered it.
+        trusted: bool,
+    },
+}
+
+impl Source {
+    /// What is typed, where `set` is the set of demonstrations that `from-set` means.
+    ///
+    /// # Errors
+    /// `is_bad_input` if it is nothing of that kind, the file does not exist, or the set names no environment.
+    ///
+    /// ```
+    /// use demosift_gymnasium::source::Source;
+    ///
+    /// let source = Source::parse("gymnasium:HalfCheetah-v5", None, false)?;
+    /// assert_eq!((source.words(), source.short_name()), ("gymnasium:HalfCheetah-v5".to_owned(), "HalfCheetah-v5".to_owned()));
+    /// let error = Source::parse("HalfCheetah-v5", None, false).unwrap_err();
+    /// assert_eq!(error.hint(), Some("did you mean gymnasium:HalfCheetah-v5?"));
+    /// # Ok::<(), demosift::Error>(())
+    /// ```
+    pub fn parse(typed: &str, set: Option<&Path>, trusted: bool) -> Result<Self> {
+        if typed == FROM_SET {
+            let set = set.ok_or_else(|| {
+                Error::bad_input("from-set means the environment of the demonstrations, and none are given")
+            })?;
+            return Ok(Self::Set { spec: spec_of(set)?, trusted });
+        }
+        if let Some(id) = typed.strip_prefix(GYMNASIUM).filter(|id| !id.is_empty()) {
+            return Ok(Self::Gymnasium(id.to_owned()));
+        }
+        let parts = typed.rsplit_once(':').filter(|(from, name)| !from.is_empty() && !name.is_empty());
+        let Some((from, name)) = parts else {
+            let hint = match typed.contains("-v") || typed.contains('/') {
+                true => format!("did you mean {GYMNASIUM}{typed}?"),
+                false => WANTED.to_owned(),
+            };
+            let message = format!("'{typed}' is no environment: what is before the colon is missing");
+            return Err(Error::bad_input(message).with_hint(hint));
+        };
+        if Path::new(from).extension().is_some_and(|extension| extension == "py") {
+            let file = fs::canonicalize(from)
+                .map_err(|error| Error::io("cannot find the environment's file", Path::new(from), &error))?;
+            return Ok(Self::File { file, name: name.to_owned() });
+        }
+        if from.contains(std::path::MAIN_SEPARATOR) {
+            let message =
+                format!("'{typed}' is no environment: '{from}' is neither a file of Python nor a module");
+            return Err(Error::bad_input(message).with_hint(WANTED));
+        }
+        Ok(Self::Module { module: from.to_owned(), name: name.to_owned() })
+    }
+
+    /// What to type for it, from any working directory.
+    pub fn words(&self) -> String {
+        match self {
+            Self::Gymnasium(id) => format!("{GYMNASIUM}{id}"),
+            Self::File { file, name } => format!("{}:{name}", file.display()),
+            Self::Module { module, name } => format!("{module}:{name}"),
+            Self::Set { .. } => FROM_SET.to_owned(),
+        }
+    }
+
+    /// Its name for people and for folders.
+    pub fn short_name(&self) -> String {
+        let name = match self {
+            Self::Gymnasium(id) => id.clone(),
+            Self::File { file, .. } => file
+                .file_stem()
+                .map_or_else(|| "environment".to_owned(), |stem| stem.to_string_lossy().into_owned()),
+            Self::Module { module, .. } => module.clone(),
+            Self::Set { spec, .. } => id_of(spec),
+        };
+        // A namespace or a module before an id makes no folder.
+        name.rsplit(['/', ':']).next().unwrap_or(&name).to_owned()
+    }
+
+    /// The file of Python that it is in, where that is known.
+    pub fn file(&self) -> Option<&Path> {
+        match self {
+            Self::File { file, .. } => Some(file),
+            _ => None,
+        }
+    }
+
+    /// What the set says of its environment, where it is meant.
+    pub fn spec(&self) -> Option<&str> {
+        match self {
+            Self::Set { spec, .. } => Some(spec),
+            _ => None,
+        }
+    }
+
+    /// As a worker is asked for it.
+    pub(crate) fn request(&self) -> Value {
+        match self {
+            Self::Gymnasium(id) => json!({ "kind": "gymnasium", "name": id }),
+            Self::File { file, name } => json!({ "kind": "file", "file": file, "name": name }),
+            Self::Module { module, name } => json!({ "kind": "module", "module": module, "name": name }),
+            Self::Set { spec, trusted } => json!({ "spec": spec, "trust": trusted }),
+        }
+    }
+}
+
+fn id_of(spec: &str) -> String {
+    let id = serde_json::from_str::<Value>(spec).ok();
+    id.and_then(|spec| Some(spec.get("id")?.as_str()?.to_owned())).unwrap_or_else(|| "environment".to_owned())
+}
+
+/// The `env_spec` of a Minari set: its folder, the folder `data` in it, or a file of that.
+fn spec_of(set: &Path) -> Result<String> {
+    let places =
+        [set.join("data/metadata.json"), set.join("metadata.json"), set.with_file_name("metadata.json")];
+    let Some(place) = places.iter().find(|place| place.is_file()) else {
+        return Err(Error::bad_input(
+            "the set names no environment: only sets of Minari do, in data/metadata.json",
+        )
+        .at(set)
+        .with_hint("name it yourself, such as --env gymnasium:HalfCheetah-v5"));
+    };
+    let text = fs::read_to_string(place).map_err(|error| Error::io("cannot read", place, &error))?;
+    let metadata: Value = serde_json::from_str(&text)
+        .map_err(|error| Error::bad_input(format!("the metadata cannot be read: {error}")).at(place))?;
+    match metadata.get("env_spec") {
+        Some(Value::String(spec)) => Ok(spec.clone()),
+        Some(spec @ Value::Object(_)) => Ok(spec.to_string()),
+        _ => Err(Error::bad_input("the set names no environment: env_spec is missing or null")
+            .at(place)
+            .with_hint("name it yourself, such as --env gymnasium:HalfCheetah-v5")),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_way_to_name_an_environment_is_understood() {
+        let gymnasium = Source::parse("gymnasium:panda_gym:PandaPush-v3", None, false).unwrap();
+        assert_eq!(gymnasium, Source::Gymnasium("panda_gym:PandaPush-v3".to_owned()));
+        assert_eq!(gymnasium.short_name(), "PandaPush-v3");
+        let module = Source::parse("lab.envs:make", None, false).unwrap();
+        assert_eq!(module, Source::Module { module: "lab.envs".to_owned(), name: "make".to_owned() });
+        assert_eq!((module.words().as_str(), module.short_name().as_str()), ("lab.envs:make", "lab.envs"));
+    }
+
+    #[test]
+    fn what_is_no_environment_is_refused_with_what_would_be_one() {
+        for (typed, said) in [
+            ("HalfCheetah", "what is before the colon is missing"),
+            ("gymnasium:", "what is before the colon is missing"),
+            (":make", "what is before the colon is missing"),
+            ("folder/module:make", "neither a file of Python nor a module"),
+            ("no_such_file.py:make", "cannot find the environment's file"),
+            ("from-set", "none are given"),
+        ] {
+            let error = Source::parse(typed, None, false).unwrap_err();
+            assert!(error.to_string().contains(said), "{typed}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_set_of_minari_names_its_environment() {
+        let folder = std::env::temp_dir().join(format!("demosift-spec-{}", std::process::id()));
+        fs::create_dir_all(folder.join("data")).unwrap();
+        let metadata = folder.join("data/metadata.json");
+        let error_with = |text: &str| {
+            fs::write(&metadata, text).unwrap();
+            Source::parse("from-set", Some(&folder), false).unwrap_err().to_string()
+        };
+        assert!(error_with(r#"{"env_spec": null}"#).contains("env_spec is missing or null"));
+        assert!(error_with("{").contains("cannot be read"));
+        fs::write(
+            &metadata,
+            r#"{"action_space": "{\"low\": [-Infinity]}", "env_spec": "{\"id\": \"Reach/Far-v1\"}"}"#,
+        )
+        .unwrap();
+        for path in [folder.clone(), folder.join("data"), folder.join("data/main_data.hdf5")] {
+            let source = Source::parse("from-set", Some(&path), true).unwrap();
+            assert_eq!(source.short_name(), "Far-v1");
+            assert_eq!(source, Source::Set { spec: r#"{"id": "Reach/Far-v1"}"#.to_owned(), trusted: true });
+        }
+        fs::remove_dir_all(&folder).unwrap();
+    }
+}

@@ -1,0 +1,93 @@
+//! A few steps by which is seen whether an environment repeats, and how fast it is.
+
+use std::time::Instant;
+
+use demosift::Result;
+use demosift::basics::seed::Seed;
+use rand::Rng as _;
+use serde::{Deserialize, Serialize};
+
+use crate::session::{Session, Turn};
+use crate::units::Units;
+
+/// Whether the same seed and the same actions make the same episode again, with another one played between.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Repeats {
+    /// To the last bit.
+    Exactly,
+    /// It starts the same way and goes on differently.
+    StartOnly,
+    /// Not even its first observation is the same.
+    No,
+}
+
+/// What three short episodes showed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Trial {
+    /// Whether the first came again.
+    pub repeats: Repeats,
+    /// Whether episodes of other seeds start differently.
+    pub starts_differ: bool,
+    /// Environment steps in a second, in one process.
+    pub steps_per_sec: f64,
+}
+
+impl Repeats {
+    /// In words, as the end of a sentence about the environment.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Exactly => "repeats: the same seed and actions make the same episode, to the last bit",
+            Self::StartOnly => {
+                "does not repeat: the same seed starts the same way, and the same actions then lead elsewhere"
+            }
+            Self::No => "does not repeat: the same seed starts differently each time",
+        }
+    }
+}
+
+/// Random actions of a policy, the same for the same seed.
+pub(crate) fn random_actions(units: &Units, seed: Seed, steps: usize) -> Vec<Vec<f64>> {
+    let mut rng = seed.into_rng();
+    let width = units.bounds().len();
+    let one = |_| {
+        let action: Vec<f32> =
+            (0..width).map(|_| rng.next_u32() as f32 / u32::MAX as f32 * 2.0 - 1.0).collect();
+        let mut own = vec![0.0; width];
+        units.to_own(&action, &mut own);
+        own
+    };
+    (0..steps).map(one).collect()
+}
+
+/// All turns of an episode with these actions, the reset's first.
+pub(crate) fn episode(session: &mut Session, seed: u64, actions: &[Vec<f64>]) -> Result<Vec<Turn>> {
+    let mut turn = Turn::default();
+    session.reset(seed, &mut turn)?;
+    let mut turns = vec![turn.clone()];
+    for action in actions {
+        session.step(action, &mut turn)?;
+        turns.push(turn.clone());
+        if turn.terminated || turn.truncated {
+            break;
+        }
+    }
+    Ok(turns)
+}
+
+/// Plays a seed, another one, and the first again, for so many steps each.
+pub(crate) fn trial(session: &mut Session, units: &Units, steps: usize) -> Result<Trial> {
+    let actions = random_actions(units, Seed::new(0).of("trial"), steps);
+    let first = episode(session, 1, &actions)?;
+    let start = Instant::now();
+    let other = episode(session, 2, &actions)?;
+    let secs = start.elapsed().as_secs_f64();
+    let again = episode(session, 1, &actions)?;
+    let repeats = match (first == again, first[0] == again[0]) {
+        (true, _) => Repeats::Exactly,
+        (false, true) => Repeats::StartOnly,
+        (false, false) => Repeats::No,
+    };
+    let starts_differ = first[0].observation != other[0].observation;
+    Ok(Trial { repeats, starts_differ, steps_per_sec: (other.len() - 1) as f64 / secs.max(1e-9) })
+}

@@ -1,0 +1,206 @@
+"""A point mass as demosift's own, in numpy, and ways in which environments go wrong."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import gymnasium
+import numpy
+from gymnasium import spaces
+
+STEP = numpy.float32(0.1)
+FRICTION = numpy.float32(1.0)
+GOAL = numpy.array([1.0, 0.0], dtype=numpy.float32)
+
+
+class Point(gymnasium.Env):
+    """Observed are position and velocity; the action is a force of at most 2 m/s² along each axis."""
+
+    spread = numpy.float32(0.05)
+    metadata = {"render_fps": 10}
+
+    def __init__(self, at_step=None):
+        self.observation_space = spaces.Box(-numpy.inf, numpy.inf, (4,), numpy.float32)
+        self.action_space = spaces.Box(-2.0, 2.0, (2,), numpy.float32)
+        self.at_step = at_step
+        self.steps = 0
+
+    def reset(self, seed=None, options=None):
+        super().reset(seed=seed)
+        self.position = self.spread * self.np_random.standard_normal(2, dtype=numpy.float32)
+        self.velocity = numpy.zeros(2, dtype=numpy.float32)
+        self.steps = 0
+        return self.look(), {}
+
+    def step(self, action):
+        self.steps += 1
+        if self.at_step is not None:
+            self.at_step(self)
+        before = self.distance()
+        self.velocity = self.velocity + (action - FRICTION * self.velocity) * STEP
+        self.position = self.position + self.velocity * STEP
+        after = self.distance()
+        info = {"distance": after, "is_success": bool(after < 0.25), "name": "point"}
+        return self.look(), before - after, False, False, info
+
+    def distance(self):
+        offset = self.position - GOAL
+        return float(numpy.hypot(offset[0], offset[1]))
+
+    def look(self):
+        return numpy.concatenate([self.position, self.velocity])
+
+
+class Still(Point):
+    """Starts at the origin, whatever the seed."""
+
+    spread = numpy.float32(0.0)
+
+
+def make():
+    return Point()
+
+
+def limited():
+    return gymnasium.wrappers.TimeLimit(Point(), 30)
+
+
+def raises():
+    def at_step(point):
+        if point.steps == 5:
+            raise RuntimeError("the arm is gone")
+
+    return Point(at_step)
+
+
+def raises_late():
+    """Not in the few steps by which it is tried."""
+
+    def at_step(point):
+        if point.steps == 25:
+            raise RuntimeError("the arm is gone")
+
+    return Point(at_step)
+
+
+def hangs():
+    return Point(lambda point: time.sleep(1000) if point.steps == 25 else None)
+
+
+def hangs_and_says_who_it_is():
+    def at_step(point):
+        if point.steps == 25:
+            with open("worker.pid.partial", "w") as file:
+                file.write(str(os.getpid()))
+            os.rename("worker.pid.partial", "worker.pid")
+            time.sleep(1000)
+
+    return Point(at_step)
+
+
+def kills_itself():
+    def at_step(point):
+        if point.steps == 25:
+            print("out of luck", file=sys.stderr, flush=True)
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    return Point(at_step)
+
+
+def exits():
+    return Point(lambda point: sys.exit(3) if point.steps == 25 else None)
+
+
+def prints():
+    def at_step(point):
+        print("hello from Python")
+        os.write(1, b"hello from the system\n")
+        subprocess.run(["echo", "hello from a child"], check=True)
+
+    return Still(at_step)
+
+
+def ignores_its_seed():
+    point = Point()
+    point.reset, reset = lambda seed=None, options=None: reset(seed=int.from_bytes(os.urandom(4), "big")), point.reset
+    return point
+
+
+def drifts():
+    """Starts as the seed says, and is pushed about as it likes."""
+
+    def at_step(point):
+        point.velocity = point.velocity + numpy.frombuffer(os.urandom(2), dtype=numpy.uint8).astype(numpy.float32) / 2550
+
+    return Point(at_step)
+
+
+def sleeps():
+    return gymnasium.wrappers.TimeLimit(Point(lambda point: time.sleep(0.005)), 30)
+
+
+class Ends(Point):
+    """Is terminal after 3 steps if its first seed is odd, and truncated after 4 if not."""
+
+    def reset(self, seed=None, options=None):
+        self.odd = seed % 2 == 1
+        return super().reset(seed=seed)
+
+    def step(self, action):
+        observation, reward, _, _, info = super().step(action)
+        terminated, truncated = self.odd and self.steps == 3, self.steps == 4
+        if terminated or truncated:
+            info["late"] = self.steps
+        return observation, reward, terminated, truncated, info
+
+
+class NotANumber(Point):
+    def step(self, action):
+        observation, reward, terminated, truncated, info = super().step(action)
+        return observation, reward, terminated, truncated, {**info, "bad": float("nan") if self.steps == 25 else 1.0}
+
+
+class Nested(Point):
+    """Observes a dictionary, whose order is that of its names."""
+
+    def __init__(self):
+        super().__init__()
+        inner = spaces.Tuple((spaces.Box(-1, 1, (1,)), spaces.Discrete(3)))
+        self.observation_space = spaces.Dict([("b", spaces.Box(-9, 9, (2,), numpy.float64)), ("a", inner)])
+
+    def look(self):
+        return {"b": self.position.astype(float) + 7, "a": (numpy.array([0.5]), 2)}
+
+
+def with_action(space):
+    point = Point()
+    point.action_space = space
+    return point
+
+
+def discrete():
+    return with_action(spaces.Discrete(4))
+
+
+def unbounded():
+    return with_action(spaces.Box(-numpy.inf, numpy.inf, (2,)))
+
+
+def whole_numbers():
+    return with_action(spaces.Box(0, 3, (2,), numpy.int64))
+
+
+def pictures():
+    point = Point()
+    point.observation_space = spaces.Dict(camera=spaces.Box(0, 255, (64, 64, 3), numpy.uint8))
+    return point
+
+
+def no_environment():
+    return 3
+
+
+def broken():
+    return undefined_name  # noqa: F821
