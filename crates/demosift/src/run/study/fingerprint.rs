@@ -49,7 +49,7 @@ pub fn hash_of_entering(work: &Work, config: &Config) -> String {
 
 /// Whether some part of the configuration can change what a cell finds; `keep` does, as repeats race for its cut.
 fn enters(work: &Work, judges: Judges, key: &str) -> bool {
-    const NEVER_JUDGES: [&str; 4] = ["seed", "imitate", "subset_selection", "referee"];
+    const NEVER_JUDGES: [&str; 5] = ["seed", "imitate", "subset_selection", "referee", "judged_for"];
     const NEVER_WEIGHS: [&str; 6] = ["seed", "imitate", "referee", "cloning_judge", "judges", "keep"];
     const PAPER_ALONE: [&str; 5] = ["method", "inner", "meta_train", "mutual_information", "judge"];
     match (work, judges) {
