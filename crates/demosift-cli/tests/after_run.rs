@@ -32,7 +32,7 @@ fn assert_holds(files: &Files, held: &Files, but: &[&str]) {
 }
 
 /// What grows.
-const GROWS: [&str; 2] = ["metrics.jsonl", "events.out.tfevents.demosift"];
+const GROWS: [&str; 3] = ["metrics.jsonl", "measured.json", "events.out.tfevents.demosift"];
 
 #[test]
 fn another_keep_judges_nothing_again_and_says_what_a_new_run_would() {
@@ -58,6 +58,7 @@ fn another_keep_judges_nothing_again_and_says_what_a_new_run_would() {
             "report.html",
             GROWS[0],
             GROWS[1],
+            GROWS[2],
         ],
     );
     for name in ["subset.json", "verdict.json", "report.html", "policy_best.onnx"] {
@@ -156,6 +157,7 @@ fn more_trainings_go_on_from_those_that_are_there() {
             "policy_best.onnx",
             GROWS[0],
             GROWS[1],
+            GROWS[2],
         ],
     );
     scratch.succeed(&format!("sift {JOB} --referee cloning=4,gail=1 --out fresh"));
