@@ -207,7 +207,8 @@ fn a_first_task_file_is_written_that_the_check_accepts_and_nothing_is_written_ov
     std::fs::write(scratch.0.join("block/block.xml"), MODEL).unwrap();
     let numbers = |values: &[f32], width| Rows::from_flat(values.to_vec(), width).unwrap();
     let (observations, actions) = (numbers(&[0.1, 0.0, 0.1, 0.0], 2), numbers(&[0.0, 0.5], 1));
-    let episode = || Episode { observations: &observations, actions: &actions, states: None, terminated: false };
+    let episode =
+        || Episode { observations: &observations, actions: &actions, states: None, terminated: false };
     d4rl::write(&scratch.0.join("two.hdf5"), &[episode(), episode()]).unwrap();
     let said = scratch.succeed("task new block/block.xml --data two.hdf5");
     assert_eq!(said, "A first task file: block/task.toml. Say what you want where it says TODO.\n");
