@@ -295,7 +295,11 @@ fn demonstrators_that_are_none_or_do_not_fit() {
 
     let whole = std::fs::read(scratch.0.join("trained/stages.bin")).unwrap();
     std::fs::write(scratch.0.join("trained/stages.bin"), &whole[..whole.len() / 2]).unwrap();
-    refuses(&scratch, &format!("{record} --demonstrator trained"), &["stages.bin is not as it was written", "trained"]);
+    refuses(
+        &scratch,
+        &format!("{record} --demonstrator trained"),
+        &["stages.bin is not as it was written", "trained"],
+    );
     std::fs::write(scratch.0.join("trained/stages.bin"), [9, 0, 0, 0]).unwrap();
     refuses(&scratch, &format!("{record} --demonstrator trained"), &["stages.bin has format version 9"]);
 
