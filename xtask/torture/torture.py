@@ -196,7 +196,7 @@ class Torture:
     # An error of the disk at each call that changes it.
     def errors(self):
         for error in ["ENOSPC", "EIO"]:
-            for call in ["write", "fsync", "fdatasync", "rename", "ftruncate", "mkdir"]:
+            for call in ["rename", "fsync", "write", "fdatasync", "ftruncate", "mkdir"]:
                 test = f"{error} at {call}"
                 for number in self.points(call):
                     done = self.injected(call, f"error={error}", number)
@@ -310,6 +310,8 @@ def main():
     parser.add_argument("--only", default="kills,writes,errors,corruption,crowds")
     parser.add_argument("--seed", type=int, default=1)
     typed = parser.parse_args()
+    # Whoever stops it sees what it found until then.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     torture = Torture(typed.binary, typed.full, typed.seed)
     try:
         for test in typed.only.split(","):
@@ -318,8 +320,9 @@ def main():
                 continue
             start = time.time()
             getattr(torture, test)()
-            print(f"{test}: {time.time() - start:.0f} s\n\n{torture.table()}\n", flush=True)
+            print(f"{test}: {time.time() - start:.0f} s", flush=True)
     finally:
+        print(torture.table(), flush=True)
         shutil.rmtree(torture.folder, ignore_errors=True)
     sys.exit(1 if torture.bad else 0)
 

@@ -1,7 +1,7 @@
 //! The rows of `metrics.jsonl` once more, for TensorBoard.
 //!
-//! The file is nothing but those rows written another way. When a run goes on it is made to hold them all, whatever a
-//! kill left of it, so that nothing is missing and nothing doubled, and a run of before there was such a file gets it.
+//! The file is nothing but those rows written another way. When a run measures again it is made to hold them all, whatever
+//! a kill left of it, so that nothing is missing and nothing doubled.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};

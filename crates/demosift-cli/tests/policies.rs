@@ -55,7 +55,6 @@ fn policies_of_an_older_run_are_handed_on_and_a_run_that_goes_on_writes_them() {
     let whole = scratch.files("run");
     let model = "policy_demonstrations_1.onnx";
     std::fs::remove_file(scratch.0.join("run").join(model)).unwrap();
-    std::fs::remove_file(scratch.0.join("run/events.out.tfevents.demosift")).unwrap();
     std::fs::rename(scratch.0.join("set"), scratch.0.join("moved")).unwrap();
     assert_eq!(scratch.succeed("export run --as onnx --out models"), "1 policy: models\n");
     let exported = scratch.files("models");
