@@ -345,7 +345,7 @@ fn as_csv(kept: &Kept) -> Result<String> {
     ];
     let all = as_json(kept)?;
     let mut text = format!(
-        "# demosift {}, task {}{}, seed {}, data sha256 {}\n# kept: {}\n{}\n",
+        "# demosift {}, task {}{}, seed {}, data sha256 {}, kept {}\n{}\n",
         kept.identity.demosift,
         kept.identity.task,
         kept.identity.variant.as_ref().map_or(String::new(), |variant| format!(", variant {variant}")),
