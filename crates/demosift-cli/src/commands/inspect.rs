@@ -121,10 +121,14 @@ impl Fits {
 fn fits(chosen: &Chosen, source: &Source, said: &Said, path: &Path) -> Result<Fits> {
     let no = |why: String| Ok(Fits { why_not: Some(why), findings: Vec::new() });
     let Ok(set) = source.set() else { return no("the set is not fit to learn from".to_owned()) };
-    if let Err(error) = experiment::check_fits(&set, chosen.task.specification()) {
-        return no(error.to_string());
+    let task = chosen.task.specification();
+    let misfit = experiment::check_fits(&set, task).err().map(|error| error.to_string());
+    let sizes = (set.observation_size(), set.action_size());
+    if let (Some(misfit), true) = (&misfit, sizes != (task.observation_size, task.action_size)) {
+        return no(misfit.clone());
     }
-    let findings = fit::findings(chosen, &Held::of(source, said, path)?)?;
+    let mut findings = fit::findings(chosen, &Held::of(source, said, path)?)?;
+    findings.extend(misfit.map(|message| Finding { severity: Severity::Error, message, advice: None }));
     let errors = findings.iter().filter(|finding| finding.severity == Severity::Error);
     let why: Vec<&str> = errors.map(|finding| finding.message.as_str()).collect();
     Ok(Fits { why_not: (!why.is_empty()).then(|| why.join("; ")), findings })

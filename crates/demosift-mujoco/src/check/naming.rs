@@ -223,8 +223,8 @@ mod tests {
             ),
             ([[0.0, 2.0004, 0.0], [1.0, 1.9996, 0.001]], "actions.scale = 2\n"),
             (
-                [[0.0, 0.3333, 0.0], [1.0, -3.7182, 0.7]],
-                "actions.scale = [0.3333, -3.718]\nactions.offset = [0, 0.7]\n",
+                [[0.0, 0.3333, 0.0], [1.0, -3.7482, 0.7]],
+                "actions.scale = [0.3333, -3.748]\nactions.offset = [0, 0.7]\n",
             ),
         ] {
             assert_eq!(named(&lines), wanted);
