@@ -7,7 +7,7 @@ use std::path::Path;
 
 use demosift::basics::files;
 use demosift::{Error, Result};
-use toml::{Table, Value};
+use toml::Table;
 
 use crate::configuration;
 
@@ -23,16 +23,12 @@ const SEAL: &str = "# sha256 of the lines above: ";
 
 /// What of a configuration must stay as it was when the run began.
 pub(crate) fn fixed(configuration: &Table) -> Table {
-    configuration.iter().filter(|(key, _)| !CHANGES.contains(&key.as_str())).map(copied).collect()
+    configuration.clone().into_iter().filter(|(key, _)| !CHANGES.contains(&key.as_str())).collect()
 }
 
 /// What was last asked for, as far as it may be asked for differently.
 pub(crate) fn changeable(configuration: &Table) -> Table {
-    configuration.iter().filter(|(key, _)| CHANGES.contains(&key.as_str())).map(copied).collect()
-}
-
-fn copied((key, value): (&String, &Value)) -> (String, Value) {
-    (key.clone(), value.clone())
+    configuration.clone().into_iter().filter(|(key, _)| CHANGES.contains(&key.as_str())).collect()
 }
 
 /// The hash by which a run knows its configuration again.

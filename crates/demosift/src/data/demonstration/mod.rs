@@ -27,6 +27,7 @@ pub mod robomimic;
 pub mod set_file;
 mod stable_baselines_npz;
 pub mod timing;
+mod zstd;
 
 use crate::basics::error::{Error, Result};
 use crate::math::rows::Rows;

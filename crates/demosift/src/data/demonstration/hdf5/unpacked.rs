@@ -18,7 +18,7 @@ use hdf5_pure::{DType, Dataset, File, FileBuilder, FormatError, Group, GroupBuil
 
 use super::{DEEPEST, MOST_COMPRESSION, check_size, damaged};
 use crate::basics::error::{Error, Result};
-use crate::data::demonstration::parquet_zstd;
+use crate::data::demonstration::zstd;
 
 const SHUFFLE: u16 = 2;
 const FLETCHER: u16 = 3;
@@ -227,7 +227,7 @@ fn taken_back(stored: Vec<u8>, filters: &[u16], mask: u32, chunk: &Chunk) -> Res
             SHUFFLE => unshuffled(&bytes, chunk.element),
             FLETCHER => bytes[..bytes.len().saturating_sub(4)].to_vec(),
             ZSTD => {
-                parquet_zstd::decompressed(&bytes, len as u64).map_err(|error| broken(&error.to_string()))?
+                zstd::decompressed(&bytes, len as u64).map_err(|why| broken(&format!("it {why}")))?
             }
             LZ4 => of_lz4(&bytes, len)?,
             other => return Err(damaged(hdf5_pure::Error::Format(FormatError::UnsupportedFilter(other)))),
