@@ -35,7 +35,8 @@ fn a_flipped_bit_is_never_used() {
     let said = scratch.succeed(&format!("sift set {TASK} --out run"));
     let whole = scratch.files("run");
     // Of a finished run only `play`, `export` and steps that start from them read these; they say so.
-    let unread = ["prior.safetensors", "trained_on.json", "policy_referee_", "learning_curve_referee_", "events."];
+    let unread =
+        ["prior.safetensors", "trained_on.json", "policy_referee_", "learning_curve_referee_", "events."];
     for (name, bytes) in &whole {
         let mut damaged = bytes.clone();
         let place = damaged.len() / 2;

@@ -128,7 +128,12 @@ fn fits(chosen: &Chosen, source: &Source, said: &Said, path: &Path) -> Result<Fi
         return no(misfit.clone());
     }
     let mut findings = fit::findings(chosen, &Held::of(source, said, path)?)?;
-    findings.extend(misfit.map(|message| Finding { severity: Severity::Error, message, advice: None, lines: None }));
+    findings.extend(misfit.map(|message| Finding {
+        severity: Severity::Error,
+        message,
+        advice: None,
+        lines: None,
+    }));
     let errors = findings.iter().filter(|finding| finding.severity == Severity::Error);
     let why: Vec<&str> = errors.map(|finding| finding.message.as_str()).collect();
     Ok(Fits { why_not: (!why.is_empty()).then(|| why.join("; ")), findings })

@@ -154,7 +154,7 @@ fn replays(task: &GymnasiumTask, recorded: &Recorded) -> String {
 }
 
 fn finding(severity: Severity, message: impl Into<String>, advice: Option<&str>) -> Finding {
-    Finding { severity, message: message.into(), advice: advice.map(str::to_owned) }
+    Finding { severity, message: message.into(), advice: advice.map(str::to_owned), lines: None }
 }
 
 fn of_environment(task: &GymnasiumTask, tried: &Checked) -> Vec<Finding> {

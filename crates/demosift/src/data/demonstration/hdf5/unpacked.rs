@@ -226,9 +226,7 @@ fn taken_back(stored: Vec<u8>, filters: &[u16], mask: u32, chunk: &Chunk) -> Res
         bytes = match *filter {
             SHUFFLE => unshuffled(&bytes, chunk.element),
             FLETCHER => bytes[..bytes.len().saturating_sub(4)].to_vec(),
-            ZSTD => {
-                zstd::decompressed(&bytes, len as u64).map_err(|why| broken(&format!("it {why}")))?
-            }
+            ZSTD => zstd::decompressed(&bytes, len as u64).map_err(|why| broken(&format!("it {why}")))?,
             LZ4 => of_lz4(&bytes, len)?,
             other => return Err(damaged(hdf5_pure::Error::Format(FormatError::UnsupportedFilter(other)))),
         };
