@@ -116,7 +116,7 @@ Examples:
   The figure with the seeds that are there by now:
     demosift reproduce fig3 --out /mnt/reproduce --table
   The page of a result, with the figure and its numbers beside it:
-    demosift reproduce fig3 --page docs/results/fig3.md --commit 4344517 --machine \"two cores of an x86-64 server\"
+    demosift reproduce fig3 --page docs/results/fig3.md --commit 4344517 --machine two-cores
   The same from the file of results alone, on any machine:
     demosift reproduce docs/results/fig3.json --page docs/results/fig3.md
   What of the paper holds, from all results in a folder:
