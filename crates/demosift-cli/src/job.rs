@@ -371,8 +371,9 @@ impl Request {
             (_, _, preset) => {
                 let preset = preset.map_or(Preset::Standard, Preset::from);
                 let mut values = configuration::preset(preset, chosen.values.clone())?;
-                if let Some(slow) = chosen.simulated.as_ref().map(Simulated::values).transpose()?.flatten() {
-                    configuration::apply(&mut values, &slow)?;
+                if let Some(simulated) = &chosen.simulated {
+                    let begun = begun.as_ref().map(|begun| &begun.configuration);
+                    configuration::apply(&mut values, &simulated.values(begun)?)?;
                 }
                 values
             }

@@ -12,6 +12,7 @@ use demosift_gymnasium::source::Source;
 use demosift_gymnasium::task::{GymnasiumTask, Wanted};
 use demosift_gymnasium::trial::Repeats;
 use serde::{Deserialize, Serialize};
+use toml::Table;
 
 use crate::arguments::SimulatorArguments;
 use crate::configuration::Layer;
@@ -74,10 +75,17 @@ impl Simulated {
         Playground::with_workers(&self.task, self.workers)
     }
 
-    /// What a job leaves out unless it is asked for, where learning by trial and error would take hours.
-    pub(crate) fn values(&self) -> Result<Option<Layer>> {
+    /// What a job leaves out unless it is asked for, where learning by trial and error would take hours: as the run has it
+    /// that goes on, and else by the clock.
+    pub(crate) fn values(&self, begun: Option<&Table>) -> Result<Layer> {
         let slow = self.task.trial().steps_per_sec < SLOW;
-        slow.then(|| Layer::from_text("the speed of the environment", SLOW_VALUES)).transpose()
+        let mut layer =
+            Layer::from_text("the speed of the environment", if slow { SLOW_VALUES } else { "" })?;
+        if let Some(begun) = begun {
+            let kept = begun.iter().filter(|(key, _)| ["judges", "referee"].contains(&key.as_str()));
+            layer.values = kept.map(|(key, value)| (key.clone(), value.clone())).collect();
+        }
+        Ok(layer)
     }
 
     /// Says what the user should know of the environment before a run.

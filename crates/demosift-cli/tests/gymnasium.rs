@@ -244,7 +244,10 @@ fn a_set_of_minari_names_its_environment_and_its_episodes_come_again() {
     minari_of(&scratch.0.join("made"), &scratch.0.join("pendulum"));
     let from_set = format!("--env from-set --python {}", python.display());
     let shown = scratch.succeed(&format!("task check {from_set} --data pendulum"));
-    for words in ["1 number from -2 to 2", "200 steps", "lead where they led when they were recorded"] {
+    let shown = shown.split_whitespace().collect::<Vec<_>>().join(" ");
+    for words in
+        ["'Pendulum-v1'", "1 number from -2 to 2", "200 steps", "lead where they led when they were recorded"]
+    {
         assert!(shown.contains(words), "{words}: {shown}");
     }
     let found = scratch.succeed(&format!(

@@ -60,7 +60,7 @@ pub(super) fn check(simulated: &Simulated, arguments: &TaskCheckArguments) -> Re
             findings: &findings,
         });
     } else {
-        terminal::show(&summary(&name, simulated));
+        terminal::show(&summary(simulated));
         terminal::show(&under_random_actions(task, &tried));
         terminal::show(&compared.as_ref().map_or_else(String::new, |of| replays(task, of)));
         terminal::show(&told(&findings));
@@ -79,7 +79,7 @@ fn compare(task: &GymnasiumTask, data: &Path, how: &SetArguments) -> Result<Reco
     })
 }
 
-fn summary(name: &str, simulated: &Simulated) -> String {
+fn summary(simulated: &Simulated) -> String {
     let (task, simulator) = (&simulated.task, simulated.identity());
     let Specification { observation_size, observation_parts, horizon, control_step_secs, .. } =
         task.specification();
@@ -98,7 +98,7 @@ fn summary(name: &str, simulated: &Simulated) -> String {
         ("success", success.to_owned()),
     ];
     let lines = rows.iter().map(|(what, words)| tables::hanging(&format!("  {what:<12}   "), words));
-    format!("The environment '{name}':\n\n{}", lines.collect::<String>())
+    format!("The environment '{}':\n\n{}", task.specification().name, lines.collect::<String>())
 }
 
 /// Such as `6 numbers from -1 to 1`.
