@@ -172,7 +172,7 @@ fn an_experiment_becomes_cells_figures_numbers_and_a_page() {
     // Sets × K of two imitators: what cloning keeps is there for both; lines for top 1, top half, all and weights.
     let csv = read(&scratch, "pages/curves.csv");
     let lines: Vec<&str> = csv.lines().collect();
-    assert_eq!(lines[0], "row,column,line,environment_steps,mean,deviation,seeds");
+    assert_eq!(lines[0], "row,column,line,environment_steps_or_updates,mean,deviation,seeds");
     for wanted in [
         "\"four, gail\",MAML,top 1,0,",
         "\"four, cloning\",MAML,by weights,",

@@ -34,9 +34,13 @@ pub fn draw(study: &Study, figure: &Figure, finished: &Finished) -> Grid {
 }
 
 fn x_axis(study: &Study, draws: Draws) -> (&'static str, &'static str) {
-    let clones = study.drawn.curves.as_ref().is_some_and(|curves| !curves.imitators.contains(&Rule::Gail));
+    let learns =
+        |rule: Rule| study.drawn.curves.as_ref().is_some_and(|curves| curves.imitators.contains(&rule));
     match draws {
-        Draws::TopK if clones => ("updates", "updates"),
+        Draws::TopK if !learns(Rule::Gail) => ("updates", "updates"),
+        Draws::TopK if learns(Rule::BehavioralCloning) => {
+            ("environment steps; updates of cloning", "environment_steps_or_updates")
+        }
         Draws::TopK => ("environment steps", "environment_steps"),
         Draws::Adaptation => ("inner updates", "inner_updates"),
         Draws::Weights => ("rounds", "rounds"),
