@@ -1,6 +1,6 @@
 //! `--prior RUN`: the prior of an earlier run, which other demonstrations of the same task are judged from.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use demosift::basics::files;
 use demosift::basics::ledger::Ledger as _;
@@ -9,11 +9,10 @@ use demosift::learning::adapt::MetaPrior;
 use demosift::results::artifact::Artifact as _;
 use demosift::run::experiment::Config;
 use demosift::{Error, Result};
-use serde::{Deserialize, Serialize};
 use toml::Table;
 
 use crate::configuration;
-use crate::run_folder::{self, Identity, RunFolder};
+use crate::run_folder::{self, Identity, PriorOrigin, RunFolder};
 use crate::simulator::{self, Simulated};
 use crate::task::Chosen;
 
@@ -22,20 +21,10 @@ const PRIOR: &str = "prior.safetensors";
 /// What may differ from the earlier run: nothing of it moves a score.
 const MAY_DIFFER: [&str; 5] = ["judges", "keep", "referee", "imitate", "subset_selection"];
 
-/// Which prior a run was given.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Origin {
-    /// The folder of the run that made it.
-    pub(crate) run: PathBuf,
-    /// Hash of its file.
-    pub(crate) sha256: String,
-}
-
 /// An earlier run that has a prior.
 #[derive(Debug)]
 pub(crate) struct GivenPrior {
-    pub(crate) origin: Origin,
+    pub(crate) origin: PriorOrigin,
     pub(crate) identity: Identity,
     /// As the run wrote it down.
     pub(crate) values: Table,
@@ -58,7 +47,7 @@ impl GivenPrior {
                 .with_hint("the judge of the paper makes one: `demosift meta-train`, or judge or sift without --judge cloning"));
         };
         let run = std::fs::canonicalize(path).map_err(|error| Error::io("cannot find", path, &error))?;
-        let origin = Origin { run, sha256: files::sha256_of(&bytes) };
+        let origin = PriorOrigin { run, sha256: files::sha256_of(&bytes) };
         Ok(Self { origin, identity, values, config, folder, prior })
     }
 

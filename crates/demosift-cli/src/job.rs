@@ -24,11 +24,11 @@ use crate::asked_again;
 use crate::configuration::{self, Layer};
 use crate::demonstrations::{self, Demonstrations};
 use crate::fit;
-use crate::given_prior::{self, GivenPrior};
+use crate::given_prior::GivenPrior;
 use crate::interruption;
 use crate::metrics_file::MetricsFile;
 use crate::own_heuristic::{self, Beside};
-use crate::run_folder::{self, Begun, Data, Identity, RunFolder};
+use crate::run_folder::{self, Begun, Data, Identity, PriorOrigin, RunFolder};
 use crate::simulator::{self, Simulated};
 use crate::task::{self, Chosen};
 use crate::terminal::Progress;
@@ -323,7 +323,7 @@ pub(crate) struct Request {
     pub(crate) begun: Option<Begun>,
     out: PathBuf,
     /// Which prior it is given.
-    prior: Option<given_prior::Origin>,
+    prior: Option<PriorOrigin>,
 }
 
 impl Request {
@@ -415,7 +415,7 @@ impl Request {
 }
 
 /// What a run depends on, besides its configuration.
-fn identity(chosen: &Chosen, data: Option<Data>, prior: Option<given_prior::Origin>) -> Identity {
+fn identity(chosen: &Chosen, data: Option<Data>, prior: Option<PriorOrigin>) -> Identity {
     Identity {
         demosift: env!("CARGO_PKG_VERSION").to_owned(),
         format: FORMAT_VERSION,

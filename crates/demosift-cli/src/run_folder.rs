@@ -18,7 +18,6 @@ use toml::Table;
 
 use crate::asked_again;
 use crate::configuration;
-use crate::given_prior::Origin;
 use crate::interruption;
 use crate::lock::{self, Lock};
 use crate::resolved::{self, RESOLVED, fixed};
@@ -50,7 +49,7 @@ pub(crate) struct Identity {
     pub(crate) data: Option<Data>,
     /// The prior that the run was given, if it did not make its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) prior: Option<Origin>,
+    pub(crate) prior: Option<PriorOrigin>,
     /// Hash of what of the configuration must stay as it is; the whole stands in a file of its own.
     #[serde(default)]
     pub(crate) configuration_sha256: String,
@@ -65,6 +64,16 @@ impl Identity {
 
 fn first_format() -> u32 {
     1
+}
+
+/// Which prior a run was given.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PriorOrigin {
+    /// The folder of the run that made it.
+    pub(crate) run: PathBuf,
+    /// Hash of its file.
+    pub(crate) sha256: String,
 }
 
 /// The demonstrations of a run.
