@@ -1,11 +1,8 @@
 //! The command line as it is typed; [`crate::job`] resolves it.
 
-<<<<<<< HEAD
 mod play;
 mod reproduce;
 mod simulator;
-=======
->>>>>>> gym
 mod study;
 
 use std::path::PathBuf;
@@ -22,12 +19,9 @@ use demosift::stages::select::Keep;
 use crate::interruption::GoesOn;
 use crate::{examples, version};
 
-<<<<<<< HEAD
 pub(crate) use play::{PictureArguments, PlayArguments};
 pub(crate) use reproduce::ReproduceArguments;
 pub(crate) use simulator::SimulatorArguments;
-=======
->>>>>>> gym
 pub(crate) use study::{Part, StudyArguments};
 
 /// Which demonstrations should your agent learn from? Finds out by imitating each one.
