@@ -2,7 +2,6 @@
 
 mod play;
 mod reproduce;
-mod simulator;
 mod study;
 
 use std::path::PathBuf;
@@ -21,7 +20,6 @@ use crate::{examples, version};
 
 pub(crate) use play::{PictureArguments, PlayArguments};
 pub(crate) use reproduce::ReproduceArguments;
-pub(crate) use simulator::SimulatorArguments;
 pub(crate) use study::{Part, StudyArguments};
 
 /// Which demonstrations should your agent learn from? Finds out by imitating each one.

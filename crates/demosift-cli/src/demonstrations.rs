@@ -6,7 +6,7 @@ use demosift::basics::files;
 use demosift::data::demonstration::choice::{self, Choice};
 use demosift::data::demonstration::episode::{self, Columns, Episode, Source};
 use demosift::data::demonstration::open::{self, Located};
-use demosift::data::demonstration::set_file::{self, Ranges, SetFile};
+use demosift::data::demonstration::set_file::{self, Ranges, SetFile, Unit, Units};
 use demosift::data::demonstration::{DemoId, DemonstrationSet};
 use demosift::data::trajectory::StateLog;
 use demosift::run::experiment::{self, Config};
@@ -136,7 +136,8 @@ impl Opened {
 /// As [`Opened::read_for`].
 pub(crate) fn read_for(source: &mut Source, said: &Said, task: Option<&Chosen>) -> Result<()> {
     let Said { set_file, path, .. } = said;
-    if set_file.is_none() {
+    let meant = meant(set_file, task);
+    if meant.is_none() {
         return Ok(());
     }
     let wide = |width: fn(&Episode) -> usize| source.episodes.iter().map(width).find(|width| *width > 0);
@@ -147,16 +148,29 @@ pub(crate) fn read_for(source: &mut Source, said: &Said, task: Option<&Chosen>) 
         controls: task.map_or(&[], |task| &task.task.specification().control_ranges),
         observations: observations.as_deref().unwrap_or_default(),
     };
-    source.conversion = set_file.conversion(observed, acted, ranges).map_err(|error| match path {
+    source.conversion = meant.conversion(observed, acted, ranges).map_err(|error| match path {
         Some(path) => error.at(path),
         None => error,
     })?;
+    if set_file.is_none() {
+        return Ok(());
+    }
     let of = path.as_ref().map_or_else(|| "the run".to_owned(), |path| path.display().to_string());
     terminal::note(&format!(
         "the numbers of the set are read as {of} says: {}",
         set_file.to_string().trim_end().replace('\n', "; ")
     ));
     Ok(())
+}
+
+/// What the numbers of a set are: what the user says, and of an environment in Python the actions that its `step` takes, where
+/// nothing else is said.
+fn meant(said: &SetFile, task: Option<&Chosen>) -> SetFile {
+    let mut meant = said.clone();
+    if task.is_some_and(|task| task.simulated.is_some()) && meant.actions.units.is_none() {
+        meant.actions.units = Some(Units::All(Unit::Controls));
+    }
+    meant
 }
 
 /// SHA-256 of demonstrations and of what the user says of their numbers.

@@ -68,9 +68,8 @@ impl Job {
         let plan = Request::of(&Asked { given: Some(given), ..Asked::of(arguments) })?;
         let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
         let path = arguments.demonstrations.as_deref();
-        let mut demonstrations =
+        let demonstrations =
             demonstrations::open_of_any_size(path, &arguments.source, recorded, Some(&plan.chosen))?;
-        demonstrations.set = plan.chosen.in_units(demonstrations.set)?;
         given.check_sizes(&demonstrations.set).map_err(|error| error.at(&demonstrations.path))?;
         // What is kept is decided by the earlier run; its number may be more than there are here.
         let mut values = plan.values.clone();
@@ -96,8 +95,7 @@ impl Job {
         let plan = Request::of(&Asked::of(arguments))?;
         let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
         let path = arguments.demonstrations.as_deref();
-        let mut demonstrations = demonstrations::open(path, &arguments.source, recorded, Some(&plan.chosen))?;
-        demonstrations.set = plan.chosen.in_units(demonstrations.set)?;
+        let demonstrations = demonstrations::open(path, &arguments.source, recorded, Some(&plan.chosen))?;
         let mut values = plan.values.clone();
         if let Some(keep) = arguments.keep {
             if let Some(wanted) = keep.misfit(demonstrations.set.len()) {

@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use demosift::basics::files;
-use demosift::data::demonstration::DemonstrationSet;
 use demosift::math::rows::Rows;
 use demosift::world::environment::{OneVariant, Task};
 use demosift::world::point_mass::PointMass;
@@ -137,14 +136,6 @@ impl Chosen {
         match &self.simulated {
             Some(simulated) => simulated.playground(),
             None => Ok(Playground::new(self.task.as_ref())),
-        }
-    }
-
-    /// A set as a policy acts: an environment in Python has units of its own, in which demonstrations of it are recorded.
-    pub(crate) fn in_units(&self, set: DemonstrationSet) -> Result<DemonstrationSet> {
-        match &self.simulated {
-            Some(simulated) => simulated.task.units().set_of_policy(&set),
-            None => Ok(set),
         }
     }
 

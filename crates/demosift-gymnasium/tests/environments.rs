@@ -91,10 +91,10 @@ impl Environment for Point {
         observation.fill(0.0);
     }
     fn step(&mut self, action: &[f32], observation: &mut [f32], _: &mut [f32]) -> StepOutcome {
-        for axis in 0..2 {
-            let force = action[axis].clamp(-1.0, 1.0) * 2.0;
-            self.velocity[axis] += (force - self.velocity[axis]) * 0.1;
-            self.position[axis] += self.velocity[axis] * 0.1;
+        for ((action, velocity), position) in action.iter().zip(&mut self.velocity).zip(&mut self.position) {
+            let force = action.clamp(-1.0, 1.0) * 2.0;
+            *velocity += (force - *velocity) * 0.1;
+            *position += *velocity * 0.1;
         }
         observation[..2].copy_from_slice(&self.position);
         observation[2..].copy_from_slice(&self.velocity);
