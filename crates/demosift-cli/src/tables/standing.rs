@@ -63,7 +63,7 @@ pub(crate) fn of_judge(judge: Judge, scores: &ScoreTable, found: &[Found], unit:
         );
         return format!("{}\n\n{}\n", wrapped(&what), table(&["demonstration", &scale.title("gain")], &rows));
     }
-    found.iter().map(|found| places(&judge, found, unit)).collect()
+    found.iter().map(|found| places(judge, found, unit)).collect()
 }
 
 fn places(judge: &str, found: &Found, unit: &str) -> String {
