@@ -67,8 +67,12 @@ function strip(measure) {
       drawn.append(svg("text", { x: at, y: 11, "text-anchor": "middle", "font-size": 12 }, look.label));
     }
   }
+  // The axis is wider than the numbers where they are all the same.
+  const sorted = [...values].sort((one, other) => one - other);
+  const [least, most] = [sorted[0], sorted.at(-1)].map(measure.write);
+  const between = least === most ? least : `${least} to ${most}`;
   return el("figure", { style: "margin:10px 0" },
-    el("h3", {}, measure.name, " ", el("span", { class: "small soft", style: "font-weight:400" }, `${measure.meaning}: ${measure.write(low)} to ${measure.write(high)}`)),
+    el("h3", {}, measure.name, " ", el("span", { class: "small soft", style: "font-weight:400" }, `${measure.meaning}: ${between}`)),
     drawn);
 }
 
