@@ -15,7 +15,7 @@ use demosift::basics::seed::Seed;
 use demosift::data::demonstration::{Demonstration, DemonstrationSet};
 use demosift::math::rows::Rows;
 use demosift::world::point_mass;
-use support::{Scratch, assert_same_files, write_set};
+use support::{Scratch, assert_same_files, rewritten, write_set};
 
 /// Four demonstrations of the point mass, of which 1 and 3 go to the goal, in the unit of the environment: −2 to 2.
 fn set_in_newtons(scratch: &Scratch) {
@@ -94,9 +94,7 @@ fn sift_ranks_in_an_environment_of_the_user() {
     let path = scratch.0.join("whole/run.json");
     let gymnasium = simulator["versions"]["gymnasium"].as_str().unwrap();
     let text = std::fs::read_to_string(&path).unwrap();
-    let other = text.replace(&format!("\"gymnasium\": \"{gymnasium}\""), "\"gymnasium\": \"0.29.1\"");
-    assert_ne!(text, other);
-    std::fs::write(&path, other).unwrap();
+    rewritten(&path, |run| run["simulator"]["versions"]["gymnasium"] = "0.29.1".into());
     let output = scratch.run("select --resume --out whole");
     let wanted = format!("the version of gymnasium was 0.29.1 there, and is {gymnasium} now");
     assert!(output.status.code() == Some(2) && said(&output).contains(&wanted), "{}", said(&output));
