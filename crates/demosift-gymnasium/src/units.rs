@@ -1,7 +1,6 @@
 //! Actions in the environment's own unit, and in that of a policy, for which −1 and 1 are the ends of what is possible.
 
 use demosift::Result;
-use demosift::data::demonstration::{Demonstration, DemonstrationSet};
 use demosift::math::rows::Rows;
 
 /// The affine map between the two, one number of an action each.
@@ -51,64 +50,31 @@ impl Units {
         }
         Rows::from_flat(numbers, self.bounds.len())
     }
-
-    /// Recorded actions `[T, act]` as a policy would act; what lies beyond the bounds lies beyond [−1, 1].
-    ///
-    /// # Errors
-    /// None that a caller could cause: the size of an action is that of the bounds.
-    pub fn of_policy(&self, own: &Rows) -> Result<Rows> {
-        let scaled = own.iter().flat_map(|row| {
-            row.iter().zip(&self.bounds).map(|(own, [low, high])| {
-                let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
-                ((f64::from(*own) - middle) / half) as f32
-            })
-        });
-        Rows::from_flat(scaled.collect(), self.bounds.len())
-    }
-
-    /// A set that was recorded in the environment's own unit, with actions as a policy would act.
-    ///
-    /// A set whose actions have another size is returned as it is, for whoever says that it does not fit.
-    ///
-    /// # Errors
-    /// `is_bad_input` if a number is not finite.
-    pub fn set_of_policy(&self, set: &DemonstrationSet) -> Result<DemonstrationSet> {
-        if set.action_size() != self.bounds.len() {
-            return Ok(set.clone());
-        }
-        let demonstrations = set.iter().map(|(_, demonstration)| {
-            Demonstration::new(demonstration.observations().clone(), self.of_policy(demonstration.actions())?)
-        });
-        DemonstrationSet::chosen(set.ids(), demonstrations.collect::<Result<_>>()?)
-    }
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
+    use demosift::data::demonstration::set_file::{self, Ranges, SetFile, Unit};
+
     use super::*;
 
+    /// Recorded actions are read as controls of a `set.toml` are, so these two must be inverse.
     #[test]
-    fn both_ways_are_inverse_and_bounds_of_one_change_no_bit() {
-        let units = Units::new(&[[-0.4, 0.4], [0.0, 5.0], [-1.0, 1.0]]);
-        let recorded = Rows::from_flat(vec![0.4, 0.0, 1e-10, -0.1, 2.5, 0.7], 3).unwrap();
-        let scaled = units.of_policy(&recorded).unwrap();
-        assert_eq!(scaled.row(0), [1.0, -1.0, 1e-10]);
-        assert_eq!(scaled.row(1), [-0.25, 0.0, 0.7]);
-        let mut own = [0.0; 3];
-        units.to_own(scaled.row(1), &mut own);
-        let wanted = [-0.1, 2.5, f64::from(0.7f32)];
-        assert!(own.iter().zip(wanted).all(|(own, wanted)| (own - wanted).abs() < 1e-7), "{own:?}");
-        assert_eq!(own[2], f64::from(0.7f32));
-        assert_eq!(units.of_policy(&units.own_rows(&scaled).unwrap()).unwrap(), scaled);
-    }
+    fn what_is_recorded_is_read_back_as_the_policy_acted() {
+        let bounds = [[-0.4, 0.4], [0.0, 5.0], [-1.0, 1.0]];
+        let mut as_controls = SetFile::default();
+        as_controls.actions.units = Some(set_file::Units::All(Unit::Controls));
+        let ranges = Ranges { controls: &bounds, observations: &[] };
+        let conversion = as_controls.conversion(0, 3, ranges).unwrap();
 
-    #[test]
-    fn a_set_of_another_size_is_left_to_whoever_says_so() {
-        let rows = |width| Rows::from_flat(vec![0.5; 2 * width], width).unwrap();
-        let set = DemonstrationSet::new(vec![Demonstration::new(rows(3), rows(2)).unwrap(); 2]).unwrap();
-        assert_eq!(Units::new(&[[-2.0, 2.0]]).set_of_policy(&set).unwrap(), set);
-        let scaled = Units::new(&[[-2.0, 2.0], [0.0, 1.0]]).set_of_policy(&set).unwrap();
-        assert_eq!(scaled.iter().next().unwrap().1.actions().row(0), [0.25, 0.0]);
+        let acted = Rows::from_flat(vec![1.0, -1.0, 1e-10, -0.25, 0.0, 0.7], 3).unwrap();
+        let recorded = Units::new(&bounds).own_rows(&acted).unwrap();
+        assert_eq!((recorded.row(0), recorded.row(1)), (&[0.4, 0.0, 1e-10][..], &[-0.1, 2.5, 0.7][..]));
+        let read = conversion.actions(&recorded);
+        assert!(
+            read.flat().iter().zip(acted.flat()).all(|(read, acted)| (read - acted).abs() < 1e-6),
+            "{read:?}"
+        );
     }
 }
