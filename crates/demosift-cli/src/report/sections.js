@@ -56,7 +56,7 @@ function heading() {
   const best = report.entries[0];
   into("top",
     el("h1", {}, `Which of these ${number} demonstrations teach the agent?`),
-    el("p", { class: "soft" }, `Task ${report.task}${made.variant ? ` under ${made.variant}` : ""}, set ${made.set}. Each demonstration was imitated, and the agent that came of it was scored by the task's own heuristic; higher is better.`),
+    el("p", { class: "soft" }, `Task ${report.task}${made.variant ? ` under ${made.variant}` : ""}, set ${made.set}. Each demonstration was imitated, and the agent was then scored by the task's own heuristic; higher is better.`),
     report.verdict ? el("p", { class: "sentence" }, report.verdict.sentence) : null,
     el("div", { class: "facts" },
       recommended()
@@ -181,7 +181,7 @@ function verdict() {
   const pad = (high - low) * 0.04;
   const domain = [low - pad, high + pad];
   const narrow = matchMedia("(max-width: 720px)").matches;
-  const width = narrow ? 120 : 360;
+  const width = narrow ? 120 : 300;
   const decimals = decimalsFor(scores);
   const remark = (pair, index) => index === found.winner ? el("span", { class: "tag" }, narrow ? "✓" : "train on this")
     : pair.dropped ? "dropped early" : found.compared && !pair.is_compared ? "shown only" : "";

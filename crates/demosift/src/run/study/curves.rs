@@ -14,7 +14,7 @@ use crate::math::statistics;
 pub struct Trained<'f> {
     /// The seed of both.
     pub seed: u64,
-    /// What came of it.
+    /// Its result.
     pub result: &'f TrainingResult,
 }
 
