@@ -14,6 +14,7 @@ use demosift::run::study::{Cell, Fingerprint, Finished, Found, Only, Work, pools
 use demosift::{Error, Result};
 use rustix::time::{ClockId, clock_gettime};
 
+use crate::answers::StudyDryRun;
 use crate::arguments::Part;
 use crate::job;
 use crate::study_file::{Opened, OpenedSet};
@@ -79,6 +80,24 @@ impl<'o> Studied<'o> {
             if !found {
                 return Ok(());
             }
+        }
+    }
+
+    /// What `--dry-run` answers.
+    pub(crate) fn counted<'a>(
+        &'a self,
+        finished: usize,
+        missing: &'a [Kind],
+        later: usize,
+    ) -> StudyDryRun<'a> {
+        StudyDryRun {
+            study: &self.opened.study.name,
+            dry_run: true,
+            finished,
+            missing,
+            trainings_that_depend_on_them_at_most: later,
+            notes: &self.opened.notes,
+            study_folder: self.folder.path(),
         }
     }
 

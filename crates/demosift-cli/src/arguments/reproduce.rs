@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::PresetName;
-use super::study::{OnlyThese, Part};
+use super::study::{CellArguments, OnlyThese};
 
 #[derive(Debug, Args)]
 pub(crate) struct ReproduceArguments {
@@ -29,15 +29,8 @@ pub(crate) struct ReproduceArguments {
     /// again [default: runs/reproduce/<preset>]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Take over the finished cells of this file of results, as far as they are of the same version, sets and values
-    #[arg(long, value_name = "RESULTS.json")]
-    pub(crate) from: Option<PathBuf>,
-    /// Cells that are made at the same time, each on a thread of its own [default: all processors]
-    #[arg(long, value_name = "N")]
-    pub(crate) threads: Option<usize>,
-    /// Make every N-th cell only, from the I-th on; machines that share the folder take one part each
-    #[arg(long, value_name = "I/N")]
-    pub(crate) part: Option<Part>,
+    #[command(flatten)]
+    pub(crate) cells: CellArguments,
     /// Only these sets, methods or both, such as handstand_15/MAML,curves; weights and curves name the selections by weights,
     /// and the trainings on what is kept
     #[arg(long, value_name = "SETS/METHODS")]

@@ -16,15 +16,8 @@ pub(crate) struct StudyArguments {
     /// Where finished cells are kept; what is there already is not made again [default: runs/<study>]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Take over the finished cells of this file of results, as far as they are of the same version, sets and values
-    #[arg(long, value_name = "RESULTS.json")]
-    pub(crate) from: Option<PathBuf>,
-    /// Cells that are made at the same time, each on a thread of its own [default: all processors]
-    #[arg(long, value_name = "N")]
-    pub(crate) threads: Option<usize>,
-    /// Make every N-th cell only, from the I-th on; machines that share the folder take one part each
-    #[arg(long, value_name = "I/N")]
-    pub(crate) part: Option<Part>,
+    #[command(flatten)]
+    pub(crate) cells: CellArguments,
     /// Only these sets, methods or both, such as free_throw_8/cloning,oracle or /paper; oracle, regret and pools name trainings
     #[arg(long, value_name = "SETS/METHODS")]
     pub(crate) only: Option<OnlyThese>,
@@ -43,6 +36,27 @@ pub(crate) struct StudyArguments {
     /// Copy the file of results here
     #[arg(long, value_name = "FILE", conflicts_with = "dry_run")]
     pub(crate) write: Option<PathBuf>,
+}
+
+/// Which cells are made, and which are taken over.
+#[derive(Debug, Args)]
+pub(crate) struct CellArguments {
+    /// Take over the finished cells of this file of results, as far as they are of the same version, sets and values
+    #[arg(long, value_name = "RESULTS.json")]
+    pub(crate) from: Option<PathBuf>,
+    /// Cells that are made at the same time, each on a thread of its own [default: all processors]
+    #[arg(long, value_name = "N")]
+    pub(crate) threads: Option<usize>,
+    /// Make every N-th cell only, from the I-th on; machines that share the folder take one part each
+    #[arg(long, value_name = "I/N")]
+    pub(crate) part: Option<Part>,
+}
+
+impl CellArguments {
+    /// Whether they ask for cells that are made or taken over.
+    pub(crate) fn are_made(&self) -> bool {
+        self.from.is_some() || self.part.is_some()
+    }
 }
 
 /// Every n-th cell.

@@ -73,7 +73,7 @@ fn one(
     source: Source<'_>,
     counted: &mut BTreeSet<String>,
 ) -> Result<Option<Summarized>> {
-    let threads = threads(arguments.threads)?;
+    let threads = threads(arguments.cells.threads)?;
     if arguments.seeds == Some(0) {
         return Err(Error::bad_config("--seeds 0: must be at least 1"));
     }
@@ -96,15 +96,15 @@ fn one(
     }
     let preset = opened.study.drawn.preset.clone().unwrap_or_else(|| "standard".to_owned());
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("runs/reproduce").join(preset));
-    let mut studied = Studied::look(&opened, &out, arguments.from.as_deref())?;
+    let mut studied = Studied::look(&opened, &out, arguments.cells.from.as_deref())?;
     if arguments.dry_run {
         studied.gather()?;
         forecast(&studied, &only, arguments, counted);
         return Ok(None);
     }
     if !arguments.table {
-        studied.folder.begin(arguments.part)?;
-        studied.make(&only, arguments.part, threads)?;
+        studied.folder.begin(arguments.cells.part)?;
+        studied.make(&only, arguments.cells.part, threads)?;
     }
     studied.gather()?;
     let results = studied.results()?;
@@ -143,9 +143,8 @@ fn draw_folder(arguments: &ReproduceArguments, folder: &Path) -> Result<()> {
 
 /// A file of results is drawn on any machine, without the sets.
 fn draw_again(arguments: &ReproduceArguments, path: &Path) -> Result<Summarized> {
-    let ReproduceArguments { data, out, part, only, dry_run, from, preset, seeds, .. } = arguments;
-    let makes =
-        data.is_some() || out.is_some() || part.is_some() || only.is_some() || from.is_some() || *dry_run;
+    let ReproduceArguments { data, out, cells, only, dry_run, preset, seeds, .. } = arguments;
+    let makes = data.is_some() || out.is_some() || cells.are_made() || only.is_some() || *dry_run;
     if makes || preset.is_some() || seeds.is_some() {
         return Err(Error::bad_input("a file of results is only drawn, with --page or --json")
             .at(path)
@@ -209,19 +208,11 @@ fn forecast(
     counted: &mut BTreeSet<String>,
 ) {
     let study = &studied.opened.study;
-    let Missing { finished, mut work, later } = studied.missing(only, arguments.part);
+    let Missing { finished, mut work, later } = studied.missing(only, arguments.cells.part);
     work.retain(|work| counted.insert(work.name()));
     let kinds = studied.kinds(&work);
     if arguments.json {
-        terminal::show_json(&answers::StudyDryRun {
-            study: &study.name,
-            dry_run: true,
-            finished,
-            missing: &kinds,
-            trainings_that_depend_on_them_at_most: later,
-            notes: &studied.opened.notes,
-            study_folder: studied.folder.path(),
-        });
+        terminal::show_json(&studied.counted(finished, &kinds, later));
         return;
     }
     let title = study.drawn.title.as_ref().unwrap_or(&study.name);

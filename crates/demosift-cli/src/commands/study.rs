@@ -22,7 +22,7 @@ pub(crate) fn run(arguments: &StudyArguments) -> Result<()> {
     if arguments.study.extension().is_some_and(|extension| extension == "json") {
         return show_results(arguments);
     }
-    let threads = threads(arguments.threads)?;
+    let threads = threads(arguments.cells.threads)?;
     let only = arguments.only.as_ref().map_or(Only::default(), |only| only.0.clone());
     let opened = study_file::open(&Asked {
         source: Source::At(&arguments.study),
@@ -35,15 +35,15 @@ pub(crate) fn run(arguments: &StudyArguments) -> Result<()> {
     let only = Only { sets: None, ..only };
     opened.study.check_only(&only).map_err(|error| error.at(&arguments.study))?;
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("runs").join(&opened.study.name));
-    let mut studied = Studied::look(&opened, &out, arguments.from.as_deref())?;
+    let mut studied = Studied::look(&opened, &out, arguments.cells.from.as_deref())?;
     if arguments.dry_run {
         studied.gather()?;
         forecast(&studied, &only, arguments);
         return Ok(());
     }
     if !arguments.table {
-        studied.folder.begin(arguments.part)?;
-        studied.make(&only, arguments.part, threads)?;
+        studied.folder.begin(arguments.cells.part)?;
+        studied.make(&only, arguments.cells.part, threads)?;
     }
     studied.gather()?;
     let Results { compact, bytes } = studied.results()?;
@@ -60,19 +60,10 @@ pub(crate) fn run(arguments: &StudyArguments) -> Result<()> {
 
 /// `--dry-run`.
 fn forecast(studied: &Studied<'_>, only: &Only, arguments: &StudyArguments) {
-    let study = &studied.opened.study;
-    let Missing { finished, work, later } = studied.missing(only, arguments.part);
+    let Missing { finished, work, later } = studied.missing(only, arguments.cells.part);
     let kinds = studied.kinds(&work);
     if arguments.json {
-        terminal::show_json(&answers::StudyDryRun {
-            study: &study.name,
-            dry_run: true,
-            finished,
-            missing: &kinds,
-            trainings_that_depend_on_them_at_most: later,
-            notes: &studied.opened.notes,
-            study_folder: studied.folder.path(),
-        });
+        terminal::show_json(&studied.counted(finished, &kinds, later));
         return;
     }
     terminal::show(&tables::study::forecast(&kinds, finished, later, &studied.opened.notes));
@@ -84,9 +75,8 @@ fn forecast(studied: &Studied<'_>, only: &Only, arguments: &StudyArguments) {
 
 /// The tables of a file of results.
 fn show_results(arguments: &StudyArguments) -> Result<()> {
-    let StudyArguments { study: path, data, out, part, only, dry_run, from, .. } = arguments;
-    let makes =
-        data.is_some() || out.is_some() || part.is_some() || only.is_some() || from.is_some() || *dry_run;
+    let StudyArguments { study: path, data, out, cells, only, dry_run, .. } = arguments;
+    let makes = data.is_some() || out.is_some() || cells.are_made() || only.is_some() || *dry_run;
     if makes || arguments.write.is_some() {
         return Err(Error::bad_input("a file of results is only shown, with --table, --markdown or --json")
             .at(path)
