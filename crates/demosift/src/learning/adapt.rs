@@ -52,7 +52,8 @@ pub enum Rule {
 pub struct InnerUpdate {
     /// By which rule. Behavioral cloning reads only `alphas` and `cloning` of what follows; GAIL reads all but `cloning`.
     pub imitation: Rule,
-    /// K, as environment steps: whole episodes are played before an update until they have this many; not in the paper.
+    /// K, as environment steps: whole episodes are played before an update until they have this many, and at least four
+    /// episodes; not in the paper.
     pub batch_steps: usize,
     /// α per iteration, the last one from there on (A.2.1: 1, then 0.5; Handstand and Martial Arts 2, then 0.5).
     pub alphas: Vec<f64>,
@@ -66,12 +67,18 @@ pub struct InnerUpdate {
     pub cloning: Cloning,
 }
 
+/// Fewer episodes say too little of where a policy leads, however long they are.
+const LEAST_EPISODES: usize = 4;
+
+/// A policy that ends its episodes at once would otherwise play for ever: no more than so many times the episodes of a batch that
+/// last to the horizon.
+const MOST_EPISODES: usize = 16;
+
 impl InnerUpdate {
-    /// What is played before an update: [`episodes`](Self::episodes) of them, each from a part of `seed` of its own.
+    /// What is played before an update: [`episodes`](Self::episodes) of them, each from a part of `seed` of its own, and
+    /// further ones where they end early, until there are `batch_steps` steps or sixteen times as many episodes.
     ///
     /// All updates play their batch here.
-    /// Episodes are counted as if each lasted to the horizon, so where they end early a batch has fewer steps than
-    /// `batch_steps`.
     pub fn play(
         &self,
         playground: &Playground<'_>,
@@ -79,15 +86,34 @@ impl InnerUpdate {
         variant: EnvVariant,
         seed: Seed,
     ) -> Result<Vec<Trajectory>> {
-        let seeds = seed.many(self.episodes(playground.specification().horizon));
-        rollout::play(playground, policy, Acting::Sampled, variant, seeds)
+        let first = self.episodes(playground.specification().horizon);
+        let mut played: Vec<Trajectory> = Vec::with_capacity(first);
+        let mut more = first;
+        while more > 0 {
+            let seeds = (played.len()..played.len() + more).map(|episode| seed.at(episode)).collect();
+            played.extend(rollout::play(playground, policy, Acting::Sampled, variant, seeds)?);
+            more = self.lacking(&played, MOST_EPISODES * first);
+        }
+        Ok(played)
     }
 
-    /// K: episodes of `horizon` steps that are played before an update, at least 2; by behavioral cloning those that are
+    /// How many more episodes of the same mean length a batch needs that may have `most` of them.
+    fn lacking(&self, played: &[Trajectory], most: usize) -> usize {
+        let steps: usize = played.iter().map(Trajectory::steps).sum();
+        match self.imitation {
+            Rule::Gail if steps < self.batch_steps => {
+                let more = ((self.batch_steps - steps) * played.len()).div_ceil(steps.max(1));
+                more.min(most - played.len())
+            }
+            Rule::Gail | Rule::BehavioralCloning => 0,
+        }
+    }
+
+    /// K: episodes of `horizon` steps that are played before an update, at least 4; by behavioral cloning those that are
     /// asked for.
     pub fn episodes(&self, horizon: usize) -> usize {
         match self.imitation {
-            Rule::Gail => self.batch_steps.div_ceil(horizon).max(2),
+            Rule::Gail => self.batch_steps.div_ceil(horizon).max(LEAST_EPISODES),
             Rule::BehavioralCloning => self.cloning.curve_episodes,
         }
     }
@@ -446,7 +472,7 @@ mod tests {
     }
 
     fn inner() -> InnerUpdate {
-        let discriminator = Fitting { learning_rate: 0.01, steps: 20, batch: 200, entropy: 0.3 };
+        let discriminator = Fitting { learning_rate: 0.01, steps: 20, batch: 200, entropy: 0.3, enough: 1.0 };
         InnerUpdate { batch_steps: 300, discriminator, ..Preset::Quick.config().inner }
     }
 

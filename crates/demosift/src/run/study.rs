@@ -43,6 +43,7 @@ use serde::{Deserialize, Serialize};
 use crate::basics::files;
 use crate::data::demonstration::DemoId;
 use crate::learning::adapt::Rule;
+use crate::results::panel::Vote;
 use crate::stages::imitate::CurvePoint;
 use crate::stages::subset_selection::WeighingEnd;
 use crate::world::heuristic::Score;
@@ -203,6 +204,9 @@ pub struct JudgingResult {
     pub once: Cost,
     /// What judging all demonstrations cost on top.
     pub judging: Cost,
+    /// Whether the judge would have a vote in a run; older cells do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vote: Option<Vote>,
     /// How the adaptations went, where episodes were played on the way; a compact file has it where a figure shows it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub adaptation: Option<Adaptation>,

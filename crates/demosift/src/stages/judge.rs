@@ -52,7 +52,8 @@ pub struct Judging {
     pub iterations: usize,
     /// Of how many last θ of an adaptation the mean is evaluated; not in the paper.
     pub averaged: usize,
-    /// M: evaluation seeds (Algorithm 2 line 11); not in the paper.
+    /// M: evaluation seeds (Algorithm 2 line 11), fewer where episodes are long ([`episodes`](Self::episodes)); not in the
+    /// paper.
     pub evaluations: usize,
     /// Adaptations per demonstration and variant, each with its own random numbers; not in the paper.
     pub repeats: usize,
@@ -62,6 +63,19 @@ pub struct Judging {
     /// How the policy acts when it is evaluated; sampling is what Algorithm 2 says, and shows what the mean action hides:
     /// an agent that imitates a noisy demonstration becomes as noisy.
     pub acting: Acting,
+}
+
+/// A thousand steps say more of an agent than sixty, so an evaluation takes no more than about so many ...
+const EVALUATION_STEPS: usize = 5000;
+
+/// ... but so many episodes it always has.
+const LEAST_EVALUATIONS: usize = 5;
+
+impl Judging {
+    /// How many of the M evaluation episodes are played where one may last so many steps.
+    pub fn episodes(&self, horizon: usize) -> usize {
+        self.evaluations.min((EVALUATION_STEPS / horizon).max(LEAST_EVALUATIONS))
+    }
 }
 
 /// S_{v|e} with everything that it was made of.
@@ -462,7 +476,7 @@ impl Effort {
             units,
             updates,
             adapting_steps: (updates * inner.episodes(task.horizon) * task.horizon) as u64,
-            evaluating_steps: (units * judging.evaluations * task.horizon) as u64,
+            evaluating_steps: (units * judging.episodes(task.horizon) * task.horizon) as u64,
         }
     }
 
@@ -484,7 +498,8 @@ pub fn replay(
     evaluation: usize,
     seed: &Seed,
 ) -> Result<Rollout> {
-    let seeds = evaluation_seeds(&seed_under(seed, playground, variant), judging.evaluations);
+    let episodes = judging.episodes(playground.specification().horizon);
+    let seeds = evaluation_seeds(&seed_under(seed, playground, variant), episodes);
     let (acting, seed) = (judging.acting, &seeds[evaluation]);
     let episode = Episode { policy, acting, variant, seed, keep_states: true };
     let played = rollout::play_episodes(playground, &[episode])?;

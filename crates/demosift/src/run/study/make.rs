@@ -70,10 +70,11 @@ pub fn judging(means: &Means<'_>, seed: u64, clock: &mut dyn FnMut() -> f64) -> 
     };
     let table = experiment::scores(&mut run, judge)?;
     let judging = passed.since_last();
+    let vote = Some(experiment::opinion(&mut run, judge)?.vote);
     let demonstrations = table.suitabilities.iter().map(judged).collect::<Result<_>>()?;
     let adapted_behaviors_distance = table.adapted_behaviors_distance();
     let adaptation = adaptation(&table);
-    Ok(JudgingResult { demonstrations, adapted_behaviors_distance, once, judging, adaptation })
+    Ok(JudgingResult { demonstrations, adapted_behaviors_distance, once, judging, vote, adaptation })
 }
 
 /// Puts the prior into the ledger: that of the set itself, or of the one that the means name.

@@ -66,6 +66,8 @@ pub enum Rule {
     Ranks,
     /// The mean of the scores, each method's standardized over the set.
     Scores,
+    /// Those of the first method that has a vote, as in a run of both judges; of the first, if none has.
+    Votes,
 }
 
 /// How much worse the policy from a method's top K is than that from the truly best K.

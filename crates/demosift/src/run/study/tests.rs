@@ -58,6 +58,7 @@ fn judged(method: &str, seed: u64, scores: [f64; 4]) -> Cell {
     Cell {
         work: Work::Judging { set: "four".to_owned(), method: method.to_owned(), seed },
         found: Found::Judging(JudgingResult {
+            vote: None,
             demonstrations: scores.iter().map(of).collect(),
             adapted_behaviors_distance: 0.5,
             once: cost(1000),
@@ -248,6 +249,29 @@ fn combinations_are_means_of_ranks_or_of_standardized_scores() {
     for (found, wanted) in scores(&study).into_iter().zip(wanted) {
         assert!((found - wanted).abs() < 1e-6, "{found} is not {wanted}");
     }
+}
+
+#[test]
+fn the_first_method_with_a_vote_decides() {
+    let mut study = study();
+    study.methods[2].combination.as_mut().expect("it is one").rule = CombinationRule::Votes;
+    let of = |votes: [Option<Vote>; 2]| {
+        let mut finished = Finished::default();
+        for ((name, scores), vote) in
+            [("paper", [1.0, 2.0, 3.0, 4.0]), ("cloning", [4.0, 3.0, 2.0, 1.0])].into_iter().zip(votes)
+        {
+            let mut cell = judged(name, 0, scores);
+            let Found::Judging(judging) = &mut cell.found else { panic!("a cell of judging") };
+            judging.vote = vote;
+            finished.add(cell);
+        }
+        study.scores(&study.sets[0], &study.methods[2], 0, &finished)
+    };
+    let (yes, no) = (Some(Vote::Counts), Some(Vote::TaughtNothing));
+    assert_eq!(of([yes, yes]), Some(vec![1.0, 2.0, 3.0, 4.0]));
+    assert_eq!(of([no, yes]), Some(vec![4.0, 3.0, 2.0, 1.0]));
+    assert_eq!(of([no, no]), Some(vec![1.0, 2.0, 3.0, 4.0]));
+    assert_eq!(of([None, yes]), None, "an older cell does not say");
 }
 
 #[test]

@@ -7,12 +7,13 @@ use rand::seq::IndexedRandom as _;
 use super::choice::{Choice, Kept, TopK};
 use super::parts::Set;
 use super::plan::{Combination, Judge, Only, Regret, Rule, Study};
-use super::{Finished, Work};
+use super::{Finished, JudgingResult, Work};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemoId;
 use crate::learning::adapt;
 use crate::math::agreement;
 use crate::math::statistics;
+use crate::results::panel::Vote;
 use crate::world::heuristic::Score;
 
 impl Study {
@@ -210,8 +211,9 @@ impl Study {
         match &method.combination {
             None => direct(&method.name),
             Some(Combination { rule, of }) => {
-                let parts: Vec<Vec<Score>> = of.iter().map(|name| direct(name)).collect::<Option<_>>()?;
-                Some(combined(*rule, &parts))
+                let found = |name: &String| finished.judging(&set.name, name, seed);
+                let parts: Vec<&JudgingResult> = of.iter().map(found).collect::<Option<_>>()?;
+                combined(*rule, &parts)
             }
         }
     }
@@ -257,16 +259,24 @@ pub(super) fn top(scores: &[Score], k: usize) -> Vec<DemoId> {
     demos
 }
 
-/// The scores of several methods as one.
-fn combined(rule: Rule, parts: &[Vec<Score>]) -> Vec<Score> {
-    let alike: Vec<Vec<f64>> = parts
-        .iter()
-        .map(|scores| match rule {
-            Rule::Ranks => agreement::ranks(scores),
-            Rule::Scores => standardized(scores),
-        })
-        .collect();
-    (0..parts[0].len()).map(|demo| statistics::mean_of(alike.iter().map(|scores| scores[demo]))).collect()
+/// The scores of several methods as one; `None` where their votes decide and a cell does not say whether it has one.
+fn combined(rule: Rule, parts: &[&JudgingResult]) -> Option<Vec<Score>> {
+    let scores = parts.iter().map(|part| part.scores());
+    let alike: Vec<Vec<f64>> = match rule {
+        Rule::Ranks => scores.map(|scores| agreement::ranks(&scores)).collect(),
+        Rule::Scores => scores.map(|scores| standardized(&scores)).collect(),
+        Rule::Votes => {
+            let votes = parts.iter().map(|part| part.vote).collect::<Option<Vec<Vote>>>()?;
+            let decides = votes.iter().position(|vote| vote.counts()).unwrap_or(0);
+            return parts.get(decides).map(|part| part.scores());
+        }
+    };
+    let demonstrations = alike.first()?.len();
+    Some(
+        (0..demonstrations)
+            .map(|demo| statistics::mean_of(alike.iter().map(|scores| scores[demo])))
+            .collect(),
+    )
 }
 
 /// With mean 0 and standard deviation 1; equal scores say nothing, and become 0.

@@ -106,7 +106,7 @@ fn steps_of(played: &[Trajectory]) -> u64 {
 
 /// Line 11: a policy on the M evaluation seeds, which are the same for everybody.
 fn evaluate(trial: &Trial<'_>, policy: &Policy, variant: EnvVariant, seed: &Seed) -> Result<Vec<Trajectory>> {
-    let seeds = evaluation_seeds(seed, trial.judging.evaluations);
+    let seeds = evaluation_seeds(seed, trial.judging.episodes(trial.playground.specification().horizon));
     rollout::play(trial.playground, policy, trial.judging.acting, variant, seeds)
 }
 
