@@ -36,7 +36,7 @@ use fixtures::Killed;
 fn small(seed: u64) -> Config {
     let quick = Preset::Quick.config();
     let fitting =
-        demosift::learning::gail::Fitting { learning_rate: 0.01, steps: 20, batch: 100, entropy: 0.3, enough: 1.0 };
+        demosift::learning::gail::Fitting { learning_rate: 0.01, steps: 20, batch: 100, entropy: 0.3 };
     Config {
         seed,
         method: Method::Maml,

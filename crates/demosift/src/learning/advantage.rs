@@ -19,20 +19,16 @@ pub struct AdvantageEstimation {
     pub discount: f64,
     /// λ of generalized advantage estimation (Schulman et al. 2016); not in the paper, 0.97 is that of GAIL's authors.
     pub lambda: f64,
-    /// Ridge of the baseline's least squares, per sample (rllab's: 1e-5); not in the paper.
-    #[serde(default = "rllab")]
-    pub ridge: f64,
-}
-
-fn rllab() -> f64 {
-    1e-5
 }
 
 impl Default for AdvantageEstimation {
     fn default() -> Self {
-        Self { discount: 0.995, lambda: 0.97, ridge: rllab() }
+        Self { discount: 0.995, lambda: 0.97 }
     }
 }
+
+/// Ridge of the baseline's least squares (rllab's: 1e-5), per sample.
+const RIDGE: f64 = 1e-5;
 
 /// Episodes, one after the other, as the estimator sees them.
 #[derive(Clone, Copy, Debug)]
@@ -65,7 +61,7 @@ pub fn advantages(rewarded: Rewarded<'_>, estimation: &AdvantageEstimation) -> R
         .episodes()
         .flat_map(|episode| discounted_sums(&rewards[episode], estimation.discount))
         .collect();
-    let weights = ridge(&features, &returns, estimation.ridge * returns.len() as f64)?;
+    let weights = ridge(&features, &returns, RIDGE * returns.len() as f64)?;
     let values = predict(&features, &weights);
     let mut advantages: Vec<f32> = rewarded
         .episodes()
@@ -163,7 +159,7 @@ fn standardize(advantages: &mut [f32], reward_size: f64) {
 mod tests {
     use super::*;
 
-    const HALF: AdvantageEstimation = AdvantageEstimation { discount: 0.5, lambda: 0.5, ridge: 1e-5 };
+    const HALF: AdvantageEstimation = AdvantageEstimation { discount: 0.5, lambda: 0.5 };
 
     #[test]
     fn discounted_sums_by_hand() {
@@ -192,7 +188,7 @@ mod tests {
             observations.push(&[(step as f32 * 0.7).sin()]);
             rewards.push((step as f32 * 0.7).sin() + if step == 20 { 5.0 } else { 0.0 });
         }
-        let estimation = AdvantageEstimation { discount: 0.0, lambda: 0.0, ridge: 1e-5 };
+        let estimation = AdvantageEstimation { discount: 0.0, lambda: 0.0 };
         let found = advantages(
             Rewarded { observations: &observations, rewards: &rewards, lengths: &[50] },
             &estimation,

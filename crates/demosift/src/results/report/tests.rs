@@ -252,7 +252,7 @@ fn inner() -> InnerUpdate {
         batch_steps: 60,
         alphas: vec![1.0],
         trust_region: TrustRegion::default(),
-        discriminator: Fitting { learning_rate: 0.01, steps: 2, batch: 20, entropy: 0.1, enough: 1.0 },
+        discriminator: Fitting { learning_rate: 0.01, steps: 2, batch: 20, entropy: 0.1 },
         advantage: AdvantageEstimation::default(),
         cloning: Cloning { descent, learning_rate: 0.1, steps: 1, batch: 10, curve_episodes: 0 },
     }

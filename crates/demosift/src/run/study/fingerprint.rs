@@ -44,19 +44,7 @@ pub fn hash_of_entering(work: &Work, config: &Config) -> String {
             update.remove("imitation");
         }
     }
-    leave_out_what_was_fixed(&mut values);
     files::sha256_of(values.to_string().as_bytes())
-}
-
-/// Values that were fixed when earlier cells were made, with what they were: such a value changes no cell, so it enters none.
-const WERE_FIXED: [(&str, f64); 2] = [("enough", 1.0), ("ridge", 1e-5)];
-
-fn leave_out_what_was_fixed(values: &mut Value) {
-    let Value::Object(fields) = values else { return };
-    fields.retain(|key, value| {
-        !WERE_FIXED.iter().any(|(name, was)| key == name && value.as_f64() == Some(*was))
-    });
-    fields.values_mut().for_each(leave_out_what_was_fixed);
 }
 
 /// Whether some part of the configuration can change what a cell finds; `keep` does, as repeats race for its cut.
