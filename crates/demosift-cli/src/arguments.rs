@@ -8,6 +8,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
+use demosift::basics::part::Part;
 use demosift::data::demonstration::episode::Format;
 use demosift::data::demonstration::numbers::Numbers;
 use demosift::run::preset::Preset;
@@ -20,7 +21,7 @@ use crate::{examples, version};
 
 pub(crate) use play::{PictureArguments, PlayArguments};
 pub(crate) use reproduce::ReproduceArguments;
-pub(crate) use study::{Part, StudyArguments};
+pub(crate) use study::StudyArguments;
 
 /// Which demonstrations should your agent learn from? Finds out by imitating each one.
 #[derive(Debug, Parser)]
@@ -52,7 +53,7 @@ pub(crate) enum Command {
     Weigh(JobArguments),
     /// Train final policies on what was kept, on the whole set and on random subsets, several each: does selecting help?
     #[command(after_help = examples::REFEREE)]
-    Referee(JobArguments),
+    Referee(RefereeArguments),
     /// Imitate from scratch, once: the kept demonstrations beside all of them, or those that you name
     #[command(after_help = examples::IMITATE)]
     Imitate(ImitateArguments),
@@ -95,11 +96,8 @@ impl Command {
     /// What it says of a run, if it is one that keeps a run folder and can go on.
     pub(crate) fn run(&self) -> Option<&RunArguments> {
         match self {
-            Self::Sift(job)
-            | Self::MetaTrain(job)
-            | Self::Select(job)
-            | Self::Weigh(job)
-            | Self::Referee(job) => Some(&job.run),
+            Self::Sift(job) | Self::MetaTrain(job) | Self::Select(job) | Self::Weigh(job) => Some(&job.run),
+            Self::Referee(arguments) => Some(&arguments.job.run),
             Self::Judge(arguments) => Some(&arguments.job.run),
             Self::Imitate(arguments) => Some(&arguments.job.run),
             Self::Oracle(arguments) => Some(&arguments.job.run),
@@ -157,6 +155,24 @@ pub(crate) struct JobArguments {
     pub(crate) source: SetArguments,
 }
 
+/// Which part of a run's work is done, on one of several machines that share its folder.
+#[derive(Clone, Copy, Debug, Args)]
+pub(crate) struct PartArgument {
+    /// Do every N-th piece of the work only, from the I-th on: machines that share the run folder take one part each, and the
+    /// same command with --resume and without --part collects what they made (docs/cluster.md)
+    #[arg(long, value_name = "I/N")]
+    pub(crate) part: Option<Part>,
+}
+
+/// What `demosift referee` takes.
+#[derive(Debug, Args)]
+pub(crate) struct RefereeArguments {
+    #[command(flatten)]
+    pub(crate) job: JobArguments,
+    #[command(flatten)]
+    pub(crate) part: PartArgument,
+}
+
 /// What `demosift judge` takes.
 #[derive(Debug, Args)]
 pub(crate) struct JudgeArguments {
@@ -166,6 +182,8 @@ pub(crate) struct JudgeArguments {
     /// each demonstration, of which one is enough, would stand in the ranking of that run
     #[arg(long, value_name = "RUN", conflicts_with_all = ["preset", "keep", "method", "referee"])]
     pub(crate) prior: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) part: PartArgument,
 }
 
 /// Which demonstrations of a set are taken, and how they are stored where it cannot be seen.
@@ -292,6 +310,8 @@ pub(crate) struct OracleArguments {
     pub(crate) random: usize,
     #[command(flatten)]
     pub(crate) job: JobArguments,
+    #[command(flatten)]
+    pub(crate) part: PartArgument,
 }
 
 #[derive(Debug, Args)]

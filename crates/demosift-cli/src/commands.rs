@@ -10,6 +10,7 @@ mod inspect;
 mod judge;
 mod meta_train;
 mod oracle;
+mod part;
 mod play;
 mod record;
 mod referee;

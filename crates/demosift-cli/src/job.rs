@@ -4,6 +4,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use demosift::basics::ledger::Ledger;
+use demosift::basics::part::Part;
 use demosift::data::demonstration::choice;
 use demosift::data::demonstration::{self, DemonstrationSet};
 use demosift::data::trajectory::StateLog;
@@ -62,6 +63,11 @@ impl Job {
         Self::open_checked(arguments, prior, |_, _| Ok(()))
     }
 
+    /// The same for a part of the work: the part begins the run, or joins it.
+    pub(crate) fn open_part(arguments: &JobArguments, prior: Prior, part: Option<Part>) -> Result<Self> {
+        Self::open_asked(&Asked { part, ..Asked::of(arguments) }, arguments, prior, |_, _| Ok(()))
+    }
+
     /// The same for demonstrations that are judged from the prior of an earlier run; one is enough.
     pub(crate) fn open_given(arguments: &JobArguments, given: &GivenPrior) -> Result<Self> {
         use_threads(arguments.run.threads)?;
@@ -91,8 +97,17 @@ impl Job {
         prior: Prior,
         check: impl FnOnce(&DemonstrationSet, &Config) -> Result<()>,
     ) -> Result<Self> {
+        Self::open_asked(&Asked::of(arguments), arguments, prior, check)
+    }
+
+    fn open_asked(
+        asked: &Asked<'_>,
+        arguments: &JobArguments,
+        prior: Prior,
+        check: impl FnOnce(&DemonstrationSet, &Config) -> Result<()>,
+    ) -> Result<Self> {
         use_threads(arguments.run.threads)?;
-        let plan = Request::of(&Asked::of(arguments))?;
+        let plan = Request::of(asked)?;
         let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
         let path = arguments.demonstrations.as_deref();
         let demonstrations = demonstrations::open(path, &arguments.source, recorded, Some(&plan.chosen))?;
@@ -121,6 +136,9 @@ impl Job {
         plan.check_numbers(&demonstrations)?;
         let asks_for_it = config.judges.each().contains(&Judge::Paper) || config.keep == Keep::Weights;
         if prior == Prior::Needed && asks_for_it && !plan.holds_prior()? {
+            if let Some(part) = plan.part {
+                return Err(no_prior(part).at(&plan.out));
+            }
             experiment::check_budget(&demonstrations.set, &playground, &config)?;
         }
         drop(playground);
@@ -144,7 +162,7 @@ impl Job {
         let folder = plan.open_folder(Some(data.clone()), &values, dry)?;
         let progress = match dry {
             true => Progress::of_bar_only(),
-            false => Progress::new(MetricsFile::of(folder.path())?),
+            false => Progress::new(MetricsFile::of(&folder.written())?),
         };
         let chosen = plan.chosen;
         Ok(Self { set, path, data, left_out, chosen, values, config, folder, progress })
@@ -248,6 +266,11 @@ impl Job {
         &self.path
     }
 
+    /// Which part of the work is done here.
+    pub(crate) fn part(&self) -> Option<Part> {
+        self.folder.part()
+    }
+
     pub(crate) fn keep(&self) -> Keep {
         self.config.keep
     }
@@ -281,6 +304,17 @@ impl Job {
     }
 }
 
+/// Learning the prior has no parts.
+fn no_prior(part: Part) -> Error {
+    Error::bad_input(format!(
+        "part {part} of the judge of the paper needs the prior, which is learned once, and the run has none"
+    ))
+    .with_hint(
+        "make it with `demosift meta-train` and the same options but --part, and start the parts then; \
+         --judge cloning needs none",
+    )
+}
+
 /// The options that are words of the configuration.
 fn set_words(values: &mut Table, arguments: &JobArguments) -> Result<()> {
     let method = arguments.method.map(|method| Method::from(method).to_string());
@@ -303,13 +337,15 @@ pub(crate) struct Asked<'a> {
     pub(crate) given: Option<&'a GivenPrior>,
     /// The demonstrations, which may name their environment.
     pub(crate) set: Option<&'a Path>,
+    /// Which part of the run's work is to be done.
+    pub(crate) part: Option<Part>,
 }
 
 impl<'a> Asked<'a> {
     fn of(arguments: &'a JobArguments) -> Self {
         let JobArguments { run, variant, preset, demonstrations, .. } = arguments;
         let (variant, set) = (variant.as_deref(), demonstrations.as_deref());
-        Self { run, variant, preset: *preset, given: None, set }
+        Self { run, variant, preset: *preset, given: None, set, part: None }
     }
 }
 
@@ -322,11 +358,12 @@ pub(crate) struct Request {
     out: PathBuf,
     /// Which prior it is given.
     prior: Option<PriorOrigin>,
+    part: Option<Part>,
 }
 
 impl Request {
     pub(crate) fn of(asked: &Asked<'_>) -> Result<Self> {
-        let Asked { run: arguments, variant, preset, given, set } = *asked;
+        let Asked { run: arguments, variant, preset, given, set, part } = *asked;
         let task_of_prior = given.map(|given| &given.identity.task);
         let env = match &arguments.out {
             Some(_) => None,
@@ -341,7 +378,7 @@ impl Request {
             }
             (None, None) => return Err(task::missing()),
         };
-        let begun = run_folder::look_into(&out, arguments.resume)?;
+        let begun = run_folder::look_into(&out, arguments.resume || part.is_some())?;
         let data = begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
         let set = set.or(data.map(|data| data.path.as_path()));
         let earlier = begun.as_ref().map(|begun| &begun.identity).or(given.map(|given| &given.identity));
@@ -383,7 +420,7 @@ impl Request {
             configuration::apply(&mut values, &layer)?;
         }
         let prior = given.map(|given| given.origin.clone());
-        Ok(Self { chosen, values, begun, out, prior })
+        Ok(Self { chosen, values, begun, out, prior, part })
     }
 
     /// Whether the numbers of demonstrations are such as the task takes; what was begun was found to be so.
@@ -407,8 +444,13 @@ impl Request {
     /// Begins the run, or goes on with the one that is there; a dry run only looks whether that could be done.
     pub(crate) fn open_folder(&self, data: Option<Data>, values: &Table, dry: bool) -> Result<RunFolder> {
         let identity = identity(&self.chosen, data, self.prior.clone());
-        let open = if dry { RunFolder::look } else { RunFolder::open };
-        open(self.out.clone(), self.begun.as_ref(), &identity, values)
+        match self.part {
+            Some(part) if !dry => RunFolder::join(self.out.clone(), part, &identity, values),
+            _ => {
+                let open = if dry { RunFolder::look } else { RunFolder::open };
+                open(self.out.clone(), self.begun.as_ref(), &identity, values)
+            }
+        }
     }
 }
 

@@ -21,7 +21,8 @@ use crate::event_file::EventFile;
 use crate::writing::{grow, open_to_grow, undisturbed};
 
 const NAME: &str = "metrics.jsonl";
-const MEASURED: &str = "measured.json";
+/// What vouches for the measurements of a folder.
+pub(crate) const MEASURED: &str = "measured.json";
 
 /// Which measurement a row is: stage, part, iteration.
 type Row = (String, String, u64);

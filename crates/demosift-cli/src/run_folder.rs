@@ -4,9 +4,11 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use demosift::basics::files;
 use demosift::basics::ledger::Ledger;
+use demosift::basics::part::Part;
 use demosift::basics::seal;
 use demosift::data::demonstration::choice::Choice;
 use demosift::data::demonstration::episode::{Columns, Format};
@@ -20,6 +22,7 @@ use crate::asked_again;
 use crate::configuration;
 use crate::interruption;
 use crate::lock::{self, Lock};
+use crate::metrics_file::MEASURED;
 use crate::resolved::{self, RESOLVED, fixed};
 use crate::simulator::{Earlier, Simulator};
 use crate::writing::undisturbed;
@@ -220,6 +223,8 @@ struct Written {
 #[derive(Debug)]
 pub(crate) struct RunFolder {
     path: PathBuf,
+    /// Which part of the run's work is done here; its files are written into a folder of their own.
+    part: Option<Part>,
     lock: Option<Lock>,
     /// What is there instead of the files, where nothing may be written; `None` for a file that is taken to be away.
     unwritten: Option<BTreeMap<String, Option<Vec<u8>>>>,
@@ -227,7 +232,7 @@ pub(crate) struct RunFolder {
 
 impl RunFolder {
     fn at(path: PathBuf) -> Self {
-        Self { path, lock: None, unwritten: None }
+        Self { path, part: None, lock: None, unwritten: None }
     }
 
     /// Begins a run, or goes on with the one in the folder if that depends on the same things.
@@ -246,6 +251,7 @@ impl RunFolder {
                 folder.claim()?;
                 asked_again::settle(&folder.path, &begun.configuration, configuration)?;
             }
+            folder.collect()?;
             return Ok(folder);
         }
         fs::create_dir_all(&path).map_err(|error| Error::io("cannot make the run folder", &path, &error))?;
@@ -261,6 +267,50 @@ impl RunFolder {
             // Last, since it makes the folder a run.
             files::write_atomically(&folder.path.join(RUN), &json)
         })?;
+        interruption::run_is_in(&folder.path);
+        Ok(folder)
+    }
+
+    /// Copies what parts of the run have finished; their checkpoints and measurements stay where they are.
+    fn collect(&mut self) -> Result<()> {
+        let mut parts = self.others()?;
+        parts.retain(|folder| *folder != self.path);
+        for part in parts {
+            for name in names_in(&part)? {
+                let is_result =
+                    [".json", ".safetensors", ".onnx"].iter().any(|ending| name.ends_with(ending));
+                if is_result && !name.starts_with('.') && name != MEASURED && !self.path.join(&name).exists()
+                {
+                    let bytes = files::read(&part.join(&name))?;
+                    self.store(&name, &bytes)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Joins a run to do a part of its work; the first part begins it.
+    ///
+    /// Parts that start at the same time find the run begun by one of them, whichever is first.
+    pub(crate) fn join(
+        path: PathBuf,
+        part: Part,
+        identity: &Identity,
+        configuration: &Table,
+    ) -> Result<Self> {
+        let begun = begun_by_any(&path, identity, configuration)?;
+        check_same(&begun, identity, configuration).map_err(|error| error.at(&path))?;
+        if !asked_again::is_settled(&path, &begun.configuration, configuration) {
+            return Err(Error::bad_config(
+                "a part of a run cannot ask for another --keep or --referee than the run",
+            )
+            .at(&path)
+            .with_hint("ask the whole run for it, with --resume and without --part"));
+        }
+        let folder = Self { part: Some(part), ..Self::at(path) };
+        let own = folder.written();
+        fs::create_dir_all(&own)
+            .map_err(|error| Error::io("cannot make the folder of the part", &own, &error))?;
         interruption::run_is_in(&folder.path);
         Ok(folder)
     }
@@ -291,13 +341,101 @@ impl RunFolder {
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }
+
+    /// The folder into which results are written: that of the part, where only a part of the work is done.
+    pub(crate) fn written(&self) -> PathBuf {
+        match self.part {
+            Some(part) => self.path.join(PARTS).join(part.name()),
+            None => self.path.clone(),
+        }
+    }
+
+    /// Where a file may be, this command's own first: a result is the same whoever made it.
+    fn places(&self, name: &str) -> Result<Vec<PathBuf>> {
+        let own = self.written().join(name);
+        if name.starts_with(CHECKPOINT) {
+            return Ok(vec![own]);
+        }
+        let others = self.others()?.into_iter().map(|folder| folder.join(name));
+        Ok([own].into_iter().chain(others).collect())
+    }
+
+    /// The other folders of the run: the whole, seen from a part, and those of its parts.
+    fn others(&self) -> Result<Vec<PathBuf>> {
+        let parts = self.path.join(PARTS);
+        let mut folders = match fs::read_dir(&parts) {
+            Ok(entries) => entries
+                .map(|entry| entry.map(|entry| entry.path()))
+                .collect::<std::io::Result<Vec<_>>>()
+                .map_err(|error| Error::io("cannot look into the folder of the parts", &parts, &error))?,
+            Err(error) if error.kind() == ErrorKind::NotFound => Vec::new(),
+            Err(error) => return Err(Error::io("cannot look into the folder of the parts", &parts, &error)),
+        };
+        folders.retain(|folder| folder.is_dir());
+        folders.sort();
+        folders.insert(0, self.path.clone());
+        let own = self.written();
+        folders.retain(|folder| *folder != own);
+        Ok(folders)
+    }
+}
+
+/// The folder of a run in which its parts have theirs.
+const PARTS: &str = "parts";
+
+/// How the names of checkpoints begin, of which each part has another.
+const CHECKPOINT: &str = "checkpoint_";
+
+/// How long a part waits for another one that begins the run.
+const TRIES_TO_BEGIN: usize = 600;
+const BETWEEN_TRIES: Duration = Duration::from_millis(100);
+
+/// The run, begun here or by another part.
+fn begun_by_any(path: &Path, identity: &Identity, configuration: &Table) -> Result<Begun> {
+    let mut failed = None;
+    for _ in 0..TRIES_TO_BEGIN {
+        if let Some(begun) = look_into(path, true)? {
+            return Ok(begun);
+        }
+        match RunFolder::open(path.to_owned(), None, identity, configuration) {
+            Ok(folder) => drop(folder),
+            Err(error) if error.is_bad_input() => {
+                failed = Some(error);
+                std::thread::sleep(BETWEEN_TRIES);
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    Err(failed.unwrap_or_else(|| nothing_to_resume(path)))
+}
+
+fn names_in(folder: &Path) -> Result<Vec<String>> {
+    let failed = |error: std::io::Error| Error::io("cannot look into the folder", folder, &error);
+    let name = |entry: std::io::Result<fs::DirEntry>| {
+        entry.map(|entry| entry.file_name().to_string_lossy().into_owned())
+    };
+    let mut names = fs::read_dir(folder)
+        .map_err(failed)?
+        .map(name)
+        .collect::<std::io::Result<Vec<_>>>()
+        .map_err(failed)?;
+    names.sort();
+    Ok(names)
+}
+
+fn recalled(path: &Path) -> Result<Option<Vec<u8>>> {
+    match fs::symlink_metadata(path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        _ => files::read(path).map(Some),
+    }
 }
 
 impl Ledger for RunFolder {
     fn claim(&mut self) -> Result<()> {
         if self.lock.is_none() {
-            self.lock = Some(lock::take(&self.path, "")?);
-            remove_left_over(&self.path)?;
+            let folder = self.written();
+            self.lock = Some(lock::take(&folder, "")?);
+            remove_left_over(&folder)?;
         }
         Ok(())
     }
@@ -306,11 +444,12 @@ impl Ledger for RunFolder {
         if let Some(instead) = self.unwritten.as_ref().and_then(|unwritten| unwritten.get(name)) {
             return Ok(instead.clone());
         }
-        let path = self.path.join(name);
-        match fs::symlink_metadata(&path) {
-            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-            _ => files::read(&path).map(Some),
+        for path in self.places(name)? {
+            if let Some(found) = recalled(&path)? {
+                return Ok(Some(found));
+            }
         }
+        Ok(None)
     }
 
     /// What is there already is not written again, so that a finished run may lie on a disk that is only read.
@@ -319,7 +458,7 @@ impl Ledger for RunFolder {
             unwritten.insert(name.to_owned(), Some(bytes.to_vec()));
             return Ok(());
         }
-        let path = self.path.join(name);
+        let path = self.written().join(name);
         if holds(&path, bytes) {
             return Ok(());
         }
@@ -332,7 +471,7 @@ impl Ledger for RunFolder {
             unwritten.insert(name.to_owned(), None);
             return Ok(());
         }
-        let path = self.path.join(name);
+        let path = self.written().join(name);
         if fs::symlink_metadata(&path).is_err_and(|error| error.kind() == ErrorKind::NotFound) {
             return Ok(());
         }
@@ -343,6 +482,15 @@ impl Ledger for RunFolder {
             }
             _ => Ok(()),
         }
+    }
+
+    fn part(&self) -> Option<Part> {
+        self.part
+    }
+
+    fn of_parts(&self, name: &str) -> Result<Vec<Vec<u8>>> {
+        let found = self.others()?.into_iter().map(|folder| recalled(&folder.join(name)));
+        Ok(found.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
     }
 }
 

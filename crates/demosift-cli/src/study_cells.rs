@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use demosift::basics::files;
+use demosift::basics::part::Part;
 use demosift::run::study::compact::{self, Compact};
 use demosift::run::study::make::{self, Means, PriorOf};
 use demosift::run::study::{Cell, Fingerprint, Finished, Found, Only, Work, pools, told};
@@ -15,7 +16,6 @@ use demosift::{Error, Result};
 use rustix::time::{ClockId, clock_gettime};
 
 use crate::answers::StudyDryRun;
-use crate::arguments::Part;
 use crate::job;
 use crate::study_file::{Opened, OpenedSet};
 use crate::study_folder::{Recalled, StudyFolder, fingerprint};
@@ -289,12 +289,12 @@ pub(crate) struct Results {
 /// Whether a part makes some work: of what can be named from the start every n-th; of the rest, which comes to be named at
 /// different times on different machines, an n-th by name.
 fn is_of_part(part: Option<Part>, work: &Work, from_start: &[Work]) -> bool {
-    let Some(Part { index, of }) = part else { return true };
+    let Some(part) = part else { return true };
     let place = from_start.iter().position(|other| other == work).unwrap_or_else(|| {
         let hash = files::sha256_of(work.name().as_bytes());
         usize::from_str_radix(&hash[..8], 16).expect("a hash is hexadecimal")
     });
-    place % of == index
+    part.takes(place)
 }
 
 /// How much of the bar a cell is; cloning plays little, yet takes its time.

@@ -4,12 +4,12 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use demosift::basics::part::Part;
 use demosift::basics::{files, seal};
 use demosift::run::experiment::Config;
 use demosift::run::study::{Cell, Fingerprint, Work, hash_of_entering};
 use demosift::{Error, Result};
 
-use crate::arguments::Part;
 use crate::interruption;
 use crate::lock::{self, Lock};
 use crate::study_file::OpenedSet;
@@ -78,7 +78,7 @@ impl StudyFolder {
         let cells = self.path.join(CELLS);
         fs::create_dir_all(&cells)
             .map_err(|error| Error::io("cannot make the folder of the study", &cells, &error))?;
-        let name = part.map_or(String::new(), |Part { index, of }| format!("_{index}_of_{of}"));
+        let name = part.map_or(String::new(), |part| format!("_{}", part.name()));
         self.lock = Some(lock::take(&self.path, &name)?);
         interruption::run_is_in(&self.path);
         Ok(())

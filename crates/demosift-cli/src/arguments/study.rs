@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use demosift::basics::part::Part;
 use demosift::run::study::Only;
 
 #[derive(Debug, Args)]
@@ -56,27 +57,6 @@ impl CellArguments {
     /// Whether they ask for cells that are made or taken over.
     pub(crate) fn are_made(&self) -> bool {
         self.from.is_some() || self.part.is_some()
-    }
-}
-
-/// Every n-th cell.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Part {
-    /// From this one on, counted from 0.
-    pub(crate) index: usize,
-    pub(crate) of: usize,
-}
-
-impl std::str::FromStr for Part {
-    type Err = String;
-
-    fn from_str(typed: &str) -> Result<Self, String> {
-        let numbers = typed.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
-        match numbers {
-            Some((index, of)) if (1..=of).contains(&index) => Ok(Self { index: index - 1, of }),
-            Some((_, of)) => Err(format!("the part must be from 1 to {of}, such as 1/{}", of.max(1))),
-            None => Err("wanted which part of how many, such as 1/2".to_owned()),
-        }
     }
 }
 

@@ -5,9 +5,9 @@ use demosift::results::panel::{Judge, Opinion, Panel};
 use demosift::run::experiment;
 use demosift::run::forecast::Goal;
 
-use super::{dry_run, kept_in, standing};
+use super::{dry_run, kept_in, part, standing};
 use crate::answers::{self, OfRun};
-use crate::arguments::JudgeArguments;
+use crate::arguments::{JudgeArguments, PartArgument};
 use crate::job::{Job, Prior};
 use crate::tables::by_variant;
 use crate::tables::costs;
@@ -15,13 +15,16 @@ use crate::tables::judgment::{self, Judgment};
 use crate::{tables, terminal};
 
 pub(crate) fn run(arguments: &JudgeArguments) -> Result<()> {
-    let JudgeArguments { job: arguments, prior } = arguments;
+    let JudgeArguments { job: arguments, prior, part: PartArgument { part } } = arguments;
     if let Some(prior) = prior {
         return standing::run(arguments, prior);
     }
-    let mut job = Job::open(arguments, Prior::Needed)?;
+    let mut job = Job::open_part(arguments, Prior::Needed, *part)?;
     if arguments.run.dry_run {
         return dry_run::of_job(&mut job, Goal::Scores, &arguments.run);
+    }
+    if part.is_some() {
+        return share(&mut job, arguments.run.json);
     }
     let panel = first_then_all(&mut job, arguments.run.json)?;
     let (tables, data_only) = job.run(|run| {
@@ -55,6 +58,18 @@ pub(crate) fn run(arguments: &JudgeArguments) -> Result<()> {
     terminal::show(&judgment::beside(ranking, &beside));
     terminal::show(&costs::played(&costs));
     terminal::show(&kept_in(job.folder(), job.variant()));
+    Ok(())
+}
+
+/// What a part of the run judges, judge by judge: where one waits for other parts, the next does not.
+fn share(job: &mut Job, json: bool) -> Result<()> {
+    let judges = job.run(|run| Ok(run.config.judges.each()))?;
+    let mut left = Vec::new();
+    for judge in judges {
+        let scores = job.run(|run| experiment::scores(run, *judge));
+        left.extend(part::left(scores)?.map(|left| format!("{left} by {}", tables::panel::in_words(*judge))));
+    }
+    part::done(job, "judge", &left, json);
     Ok(())
 }
 

@@ -5,7 +5,7 @@ use demosift::run::experiment;
 use demosift::run::forecast::Goal;
 use demosift::{Error, Result};
 
-use super::{dry_run, kept_in};
+use super::{dry_run, kept_in, part};
 use crate::answers::OfRun;
 use crate::arguments::OracleArguments;
 use crate::job::{Job, Prior};
@@ -17,12 +17,18 @@ pub(crate) fn run(arguments: &OracleArguments) -> Result<()> {
     if repeats == 0 {
         return Err(Error::bad_config("--repeats 0: must be at least 1"));
     }
-    let mut job = Job::open(&arguments.job, Prior::NotNeeded)?;
+    let mut job = Job::open_part(&arguments.job, Prior::NotNeeded, arguments.part.part)?;
     if arguments.job.run.dry_run {
         job.run(|run| experiment::policy_from_kept(run, random))?;
         return dry_run::of_job(&mut job, Goal::Oracle { repeats, random }, &arguments.job.run);
     }
-    let oracle = job.run(|run| experiment::oracle(run, repeats, random))?;
+    let oracle = job.run(|run| experiment::oracle(run, repeats, random));
+    if arguments.part.part.is_some() {
+        let left = part::left(oracle)?;
+        part::done(&job, "oracle", left.as_slice(), arguments.job.run.json);
+        return Ok(());
+    }
+    let oracle = oracle?;
     if arguments.job.run.json {
         terminal::show_json(&OfRun::new(&job, &oracle));
         return Ok(());

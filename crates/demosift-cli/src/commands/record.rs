@@ -88,6 +88,7 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<()> {
     job::use_threads(arguments.run.threads)?;
     let given = arguments.demonstrator.as_deref().map(Source::of).transpose()?;
     let plan = Request::of(&Asked {
+        part: None,
         run: &with_task(arguments, given.as_ref()),
         variant: None,
         preset: None,

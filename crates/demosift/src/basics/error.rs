@@ -27,6 +27,7 @@ enum Kind {
     Diverged,
     Io,
     Simulation,
+    LeftToOthers,
 }
 
 impl Error {
@@ -53,6 +54,11 @@ impl Error {
     /// The simulator could not be set up or went wrong.
     pub fn simulation(message: impl Into<String>) -> Self {
         Self::new(Kind::Simulation, message.into())
+    }
+
+    /// The rest is the work of other parts of the run, which have not finished it; nothing is wrong.
+    pub fn left_to_others(message: impl Into<String>) -> Self {
+        Self::new(Kind::LeftToOthers, message.into())
     }
 
     fn new(kind: Kind, message: String) -> Self {
@@ -108,6 +114,11 @@ impl Error {
     /// Whether reading or writing failed.
     pub fn is_io(&self) -> bool {
         self.0.kind == Kind::Io
+    }
+
+    /// Whether what is missing is the work of other parts of the run.
+    pub fn is_left_to_others(&self) -> bool {
+        self.0.kind == Kind::LeftToOthers
     }
 
     /// Whether the simulator failed.

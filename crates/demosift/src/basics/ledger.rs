@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::basics::error::Result;
+use crate::basics::part::Part;
 
 /// Stores results and checkpoints by name; the run folder is one.
 pub trait Ledger: Send {
@@ -19,6 +20,20 @@ pub trait Ledger: Send {
     fn store(&mut self, name: &str, bytes: &[u8]) -> Result<()>;
     /// Forgets what was stored under a name.
     fn forget(&mut self, name: &str) -> Result<()>;
+
+    /// Which part of the run's work is to be done here; none where all of it is.
+    fn part(&self) -> Option<Part> {
+        None
+    }
+
+    /// What the parts of the run have stored under a name, each its own; nothing where a run has no parts.
+    ///
+    /// A result of theirs is found by [`recall`](Self::recall) too, since it is the same whoever made it; this is for
+    /// checkpoints, of which each part has another.
+    fn of_parts(&self, name: &str) -> Result<Vec<Vec<u8>>> {
+        let _ = name;
+        Ok(Vec::new())
+    }
 }
 
 /// A ledger that lasts as long as the process.

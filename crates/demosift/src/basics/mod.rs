@@ -5,5 +5,6 @@ pub mod files;
 pub mod ledger;
 pub mod names;
 pub mod observer;
+pub mod part;
 pub mod seal;
 pub mod seed;

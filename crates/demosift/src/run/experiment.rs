@@ -74,7 +74,7 @@ use crate::world::rollout::Playground;
 
 use arrows::Arrow;
 pub use checkpointing::{Checkpointing, forget_checkpoint};
-pub(crate) use checkpointing::{begun, stage_name};
+pub(crate) use checkpointing::{begun, stage_name, states_of_parts};
 pub use checks::{check, check_demonstrator, check_fits, check_has_weights};
 pub(crate) use chosen::cut;
 use chosen::cut_of_judging;

@@ -22,7 +22,7 @@ mod crew;
 mod race;
 mod unit;
 
-pub use crew::{Crew, HandIn, JudgeUnit, Threads};
+pub use crew::{Crew, HandIn, JudgeUnit, ShareOfThreads, Threads};
 pub use unit::{Outcome, Unit, judge_unit};
 
 use std::borrow::Cow;
@@ -32,7 +32,7 @@ use serde::{Deserialize, Serialize};
 
 use collecting::Collecting;
 
-use crate::basics::error::{Error, Result};
+use crate::basics::error::Result;
 use crate::basics::observer::{Event, Observer};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
@@ -268,6 +268,11 @@ impl JudgingState {
         self.finished.len()
     }
 
+    /// Takes over the units that another state of the same judging has finished; of one that both have, either will do.
+    pub fn take_over(&mut self, other: Self) {
+        self.finished.extend(other.finished);
+    }
+
     /// Environment steps that the finished units took, however often the run was killed between them.
     pub fn played(&self) -> u64 {
         self.finished.values().map(|outcome| outcome.played).sum()
@@ -409,9 +414,7 @@ fn finish(
             let stored = collecting.checkpoint();
             judged?;
             stored?;
-            return Err(Error::simulation(format!(
-                "none of {left} units came back from those who judge them"
-            )));
+            return Err(crew.left_behind(left));
         }
     }
     collecting.checkpoint()

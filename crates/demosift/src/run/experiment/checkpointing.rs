@@ -56,6 +56,20 @@ pub(crate) fn begun<State: serde::de::DeserializeOwned>(
     Ok((spent, done(&state)))
 }
 
+/// Where the parts of a run stand in a stage.
+pub(crate) fn states_of_parts<State: serde::de::DeserializeOwned>(
+    ledger: &dyn Ledger,
+    stage: &str,
+    part: &str,
+) -> Result<Vec<State>> {
+    let checkpoint = artifact::checkpoint_name(stage, part);
+    let read = |bytes: Vec<u8>| {
+        let (_, state): (u64, State) = artifact::read_checkpoint(&bytes, &checkpoint)?;
+        Ok(state)
+    };
+    ledger.of_parts(&checkpoint)?.into_iter().map(read).collect()
+}
+
 impl<'a> Checkpointing<'a> {
     /// The state of a stage: that of its last checkpoint, or a new one.
     pub fn begin<State: Snapshot + serde::de::DeserializeOwned>(

@@ -1,7 +1,8 @@
 //! DemonstrationSet → MetaPrior → ScoreTable → Panel: each judge that is asked, and what they say together.
 
 use super::{
-    Checkpointing, Config, Run, arrows, check_known, cut, cut_of_judging, forget_checkpoint, make, stage_name,
+    Checkpointing, Config, Run, arrows, check_known, cut, cut_of_judging, forget_checkpoint, make,
+    stage_name, states_of_parts,
 };
 use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
@@ -12,7 +13,9 @@ use crate::data::observation_filter::ObservationFilter;
 use crate::learning::adapt::{self, InnerUpdate, Learner, MetaPrior, Rule};
 use crate::results::artifact::Artifact;
 use crate::results::panel::{self, Found, Judge, Judges, Opinion, Panel};
-use crate::stages::judge::{self, Judged, Judging, JudgingState, ScoreTable, Start, Threads, Trial};
+use crate::stages::judge::{
+    self, Crew, Judged, Judging, JudgingState, ScoreTable, ShareOfThreads, Start, Threads, Trial,
+};
 use crate::stages::meta_train::{self, Learning, MetaState, MetaTraining, MutualInformation};
 use crate::stages::method::{self, Asked, Budget, Method};
 use crate::stages::pre_train::{self, PreTrainState, PreTraining};
@@ -58,6 +61,11 @@ pub fn prior(run: &mut Run<'_>) -> Result<MetaPrior> {
             forget_checkpoint(run.ledger, stage, "");
         }
         return Ok(prior);
+    }
+    if let Some(part) = run.ledger.part() {
+        return Err(Error::bad_input(format!(
+            "part {part} of the judge of the paper needs the prior, which is learned once, and the run has none"
+        )));
     }
     check_budget(run.set, run.playground, run.config)?;
     let config = run.config;
@@ -174,10 +182,17 @@ fn judged(run: &mut Run<'_>, judge: Judge, start: Start<'_>, inner: &InnerUpdate
     let (cut, part, seed) = (cut_of_judging(run), judge.name(), judging_seed(run.config, judge));
     let Run { set, playground, ledger, observer, .. } = run;
     let anew = || Ok(JudgingState::default());
+    let others: Vec<JudgingState> = states_of_parts(*ledger, judge::STAGE, part)?;
+    let share = ledger.part().map(|part| {
+        let variants = playground.specification().variants.len();
+        ShareOfThreads { part, demonstrations: set.len(), variants }
+    });
+    let crew: &dyn Crew = share.as_ref().map_or(&Threads, |share| share);
     let (mut state, mut checkpointing) =
         Checkpointing::begin(*ledger, *observer, playground, judge::STAGE, part, anew)?;
+    others.into_iter().for_each(|other| state.take_over(other));
     let trial = Trial { set, playground, start, inner, judging, cut, part, seed: &seed };
-    let judged = judge::judge(&trial, &Threads, &mut state, &mut checkpointing)?;
+    let judged = judge::judge(&trial, crew, &mut state, &mut checkpointing)?;
     checkpointing.finish_having(state.played(), part, &judged)?;
     Ok(judged.scores)
 }

@@ -18,6 +18,11 @@ use crate::world::heuristic::Score;
 /// `is_bad_config` if there is nothing to compare random subsets with, `is_diverged` if a training diverges.
 pub fn oracle(run: &mut Run<'_>, repeats: usize, random: usize) -> Result<Oracle> {
     let kept = policy_from_kept(run, random)?;
+    let random_size = kept.as_ref().filter(|_| random > 0).map(|kept| kept.demos.len());
+    make_share(
+        run,
+        &trainings(&run.set.ids(), repeats, random_size.map(|size| Randoms { size, count: random })),
+    )?;
     let (mut alone, mut curves) = (Vec::new(), Vec::new());
     for demo in run.set.ids() {
         let of_demo =
@@ -36,6 +41,56 @@ pub fn oracle(run: &mut Run<'_>, repeats: usize, random: usize) -> Result<Oracle
     };
     let agreement = Ranking::recall(run.ledger, "")?.map(|ranking| oracle::agreement(&ranking, &alone));
     Ok(Oracle { alone, agreement, kept: worth })
+}
+
+/// Random subsets, which the kept one is compared with.
+#[derive(Clone, Copy)]
+struct Randoms {
+    size: usize,
+    count: usize,
+}
+
+/// One training of the oracle.
+#[derive(Clone, Copy)]
+enum Training {
+    Alone { demo: DemoId, repeat: usize },
+    Random { size: usize, number: usize },
+}
+
+/// All trainings of the oracle, in the order in which parts of a run count them.
+fn trainings(ids: &[DemoId], repeats: usize, randoms: Option<Randoms>) -> Vec<Training> {
+    let alone =
+        ids.iter().flat_map(|demo| (0..repeats).map(|repeat| Training::Alone { demo: *demo, repeat }));
+    let random = randoms
+        .into_iter()
+        .flat_map(|Randoms { size, count }| (0..count).map(move |number| Training::Random { size, number }));
+    alone.chain(random).collect()
+}
+
+/// What is the share of one part of a run; nothing where a run has no parts.
+///
+/// # Errors
+/// `is_left_to_others` if other parts have not finished theirs.
+fn make_share(run: &mut Run<'_>, trainings: &[Training]) -> Result<()> {
+    let Some(part) = run.ledger.part() else { return Ok(()) };
+    for (_, training) in trainings.iter().enumerate().filter(|(number, _)| part.takes(*number)) {
+        match *training {
+            Training::Alone { demo, repeat } => oracle_curve(run, demo, repeat)?,
+            Training::Random { size, number } => random_subset(run, size, number)?,
+        };
+    }
+    let mut left = 0;
+    for training in trainings {
+        let name = match *training {
+            Training::Alone { demo, repeat } => oracle_part(demo, repeat),
+            Training::Random { number, .. } => random_part(number),
+        };
+        left += usize::from(LearningCurve::recall(run.ledger, &name)?.is_none());
+    }
+    match left {
+        0 => Ok(()),
+        left => Err(Error::left_to_others(format!("{left} trainings are left to the other parts"))),
+    }
 }
 
 /// The policy from the kept demonstrations, which `random` subsets are compared with, if the ledger holds it.

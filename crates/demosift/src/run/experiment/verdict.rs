@@ -6,7 +6,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use rayon::prelude::*;
 
 use super::{Config, Run};
-use crate::basics::error::Result;
+use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::basics::observer::{Event, Observer, Silent};
 use crate::basics::seed::Seed;
@@ -145,7 +145,11 @@ struct Ground<'a> {
     candidates: &'a [Candidate],
 }
 
-/// Trains the units side by side, taken in order; what comes of them is in their order.
+/// Trains the units side by side, taken in order; what comes of them is in their order. A part of a run trains its share of
+/// them.
+///
+/// # Errors
+/// `is_left_to_others` if other parts have not finished theirs.
 fn train_all(
     run: &mut Run<'_>,
     candidates: &[Candidate],
@@ -154,19 +158,25 @@ fn train_all(
 ) -> Result<Vec<LearningCurve>> {
     let Run { set, playground, config, ledger, observer } = run;
     let ground = Ground { set, playground, config, candidates };
+    let is_own = |place: usize| ledger.part().is_none_or(|part| part.takes(place));
+    let own: Vec<bool> = (0..units.len()).map(is_own).collect();
     let shared = Mutex::new(Shared { ledger: *ledger, observer: *observer, done });
     let has_failed = AtomicBool::new(false);
     let queue = units.iter().enumerate().take_while(|_| !has_failed.load(Ordering::Relaxed));
-    let mut trained: Vec<(usize, Result<LearningCurve>)> = queue
+    let mut trained: Vec<(usize, Result<Option<LearningCurve>>)> = queue
         .par_bridge()
         .map(|(place, unit)| {
-            let curve = train(ground, *unit, &shared);
+            let curve = train(ground, *unit, own[place], &shared);
             has_failed.fetch_or(curve.is_err(), Ordering::Relaxed);
             (place, curve)
         })
         .collect();
     trained.sort_by_key(|(place, _)| *place);
-    trained.into_iter().map(|(_, curve)| curve).collect()
+    let curves = trained.into_iter().map(|(_, curve)| curve).collect::<Result<Vec<_>>>()?;
+    match curves.iter().filter(|curve| curve.is_none()).count() {
+        0 => Ok(curves.into_iter().flatten().collect()),
+        left => Err(Error::left_to_others(format!("{left} trainings are left to the other parts"))),
+    }
 }
 
 fn lock<'m, 'a>(shared: &'m Mutex<Shared<'a>>) -> MutexGuard<'m, Shared<'a>> {
@@ -174,15 +184,23 @@ fn lock<'m, 'a>(shared: &'m Mutex<Shared<'a>>) -> MutexGuard<'m, Shared<'a>> {
     shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A finished training, made now unless it was made before.
-fn train(ground: Ground<'_>, unit: Unit, shared: &Mutex<Shared<'_>>) -> Result<LearningCurve> {
+/// A finished training, made now unless it was made before; none of what is neither made nor our `own`.
+fn train(
+    ground: Ground<'_>,
+    unit: Unit,
+    own: bool,
+    shared: &Mutex<Shared<'_>>,
+) -> Result<Option<LearningCurve>> {
     let Ground { set, playground, config, candidates } = ground;
     let (candidate, seed) = (&candidates[unit.candidate], training_seed(config, unit.training));
     let demos: Vec<DemoId> = candidate.demos_of(&set.ids(), &seed);
     let part = part(candidate, unit.imitator, unit.training);
     let found = LearningCurve::recall(lock(shared).ledger, &part)?;
     if let Some(curve) = found.filter(|curve| curve.demos == demos) {
-        return Ok(curve);
+        return Ok(Some(curve));
+    }
+    if !own {
+        return Ok(None);
     }
     let imitation = imitation_by(unit.imitator, &config.imitate);
     let start = ImitationState::start(set, &demos, &config.policy, &imitation, &seed.of("start"));
@@ -193,7 +211,7 @@ fn train(ground: Ground<'_>, unit: Unit, shared: &Mutex<Shared<'_>>) -> Result<L
     *shared.done += Effort::of(playground.specification(), &imitation).steps() as usize;
     let done = *shared.done;
     shared.observer.on(Event::Advanced { stage: STAGE, done })?;
-    Ok(curve)
+    Ok(Some(curve))
 }
 
 fn measured(

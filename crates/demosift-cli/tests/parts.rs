@@ -1,0 +1,131 @@
+//! Parts of a run: machines that share its folder do every n-th piece each, and the whole finds the same bits.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod support;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::process::Stdio;
+
+use support::Scratch;
+
+const TASK: &str = "--task point_mass --config tiny.toml";
+
+/// Results by name, without what tells of the way there.
+fn results(scratch: &Scratch, folder: &str) -> BTreeMap<String, Vec<u8>> {
+    let of_the_way =
+        |name: &String| name.starts_with("metrics") || name == "measured.json" || name.starts_with("events.");
+    scratch.files(folder).into_iter().filter(|(name, _)| !of_the_way(name)).collect()
+}
+
+/// What the whole holds is what the parts made: all results of `whole` are the same in `shared`, in the folder itself.
+#[track_caller]
+fn assert_collected(scratch: &Scratch, whole: &str, shared: &str) {
+    support::assert_same_files(&results(scratch, whole), &results(scratch, shared));
+}
+
+#[test]
+fn parts_that_judge_at_the_same_time_find_what_one_process_finds() {
+    let scratch = Scratch::new("parts-judge");
+    let said = scratch.succeed(&format!("judge set {TASK} --out undivided"));
+    scratch.succeed(&format!("meta-train set {TASK} --out shared"));
+    let parts: Vec<_> = (1..=3)
+        .map(|part| {
+            let typed = format!("judge set {TASK} --out shared --part {part}/3");
+            scratch.command(&typed).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+        })
+        .collect();
+    for part in parts {
+        let output = part.wait_with_output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let told = String::from_utf8(output.stdout).unwrap();
+        assert!(
+            told.contains(" is done; ") && told.contains("demosift judge --out shared --resume"),
+            "{told}"
+        );
+    }
+    let collected = scratch.succeed("judge --out shared --resume");
+    assert_eq!(collected.replace("shared", "undivided"), said);
+    assert_collected(&scratch, "undivided", "shared");
+}
+
+/// Repeats that race for the cut need all that was found before them; parts make them too, one round at each start.
+#[test]
+fn parts_that_are_started_again_finish_by_themselves() {
+    let scratch = Scratch::new("parts-again");
+    scratch.succeed(&format!("judge set {TASK} --judge cloning --out undivided"));
+    let mut told = Vec::new();
+    for _ in 0..3 {
+        for part in ["1/2", "2/2"] {
+            told.push(
+                scratch
+                    .succeed(&format!("judge set {TASK} --judge cloning --out shared --part {part} --json")),
+            );
+        }
+    }
+    let left = |told: &str| {
+        serde_json::from_str::<serde_json::Value>(told).unwrap()["left"].as_array().unwrap().len()
+    };
+    assert_eq!((left(&told[0]), left(&told[5])), (1, 0), "{told:?}");
+    scratch.succeed("judge --out shared --resume");
+    let (whole, shared) = (results(&scratch, "undivided"), results(&scratch, "shared"));
+    assert!(whole["panel.json"] == shared["panel.json"]);
+}
+
+#[test]
+fn what_a_part_did_not_do_the_whole_does() {
+    let scratch = Scratch::new("parts-lost");
+    scratch.succeed(&format!("judge set {TASK} --judge cloning --out undivided"));
+    scratch.succeed(&format!("judge set {TASK} --judge cloning --out shared --part 2/3"));
+    scratch.succeed("judge --out shared --resume");
+    assert_collected(&scratch, "undivided", "shared");
+}
+
+#[test]
+fn the_oracle_and_the_referee_have_parts_too() {
+    let scratch = Scratch::new("parts-trainings");
+    let job = format!("set {TASK} --judge cloning");
+    for folder in ["undivided", "shared"] {
+        scratch.succeed(&format!("select {job} --out {folder}"));
+    }
+    for command in ["oracle", "referee"] {
+        scratch.succeed(&format!("{command} --out undivided --resume"));
+        // The referee asks for what it needs next when it knows what was found, so parts are started until all is there.
+        for _ in 0..4 {
+            for part in ["1/2", "2/2"] {
+                scratch.succeed(&format!("{command} {job} --out shared --part {part}"));
+            }
+        }
+        let made = fs::read_dir(scratch.0.join("shared/parts/1-of-2")).unwrap().count();
+        assert!(made > 1, "a part has files of its own");
+        let said = scratch.succeed(&format!("{command} --out shared --resume"));
+        assert_eq!(
+            said,
+            scratch.succeed(&format!("{command} --out undivided --resume")).replace("undivided", "shared")
+        );
+    }
+    let (whole, shared) = (results(&scratch, "undivided"), results(&scratch, "shared"));
+    for name in ["verdict.json", "policy_best.safetensors"] {
+        assert!(whole[name] == shared[name], "{name}");
+    }
+}
+
+#[test]
+fn what_a_part_cannot_do_is_one_error() {
+    let scratch = Scratch::new("parts-errors");
+    let complaint = |typed: &str| {
+        let output = scratch.run(typed);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        said
+    };
+    let said = complaint(&format!("judge set {TASK} --out shared --part 1/2"));
+    assert!(said.contains("needs the prior") && said.contains("demosift meta-train"), "{said}");
+    assert!(complaint(&format!("judge set {TASK} --out shared --part 3/2")).contains("from 1 to 2"));
+    scratch.succeed(&format!("judge set {TASK} --judge cloning --out shared --part 1/2"));
+    let said = complaint(&format!("judge set {TASK} --judge cloning --seed 5 --out shared --part 2/2"));
+    assert!(said.contains("the run folder is of another run"), "{said}");
+    let said = complaint(&format!("judge set {TASK} --judge cloning --keep 3 --out shared --part 2/2"));
+    assert!(said.contains("another --keep"), "{said}");
+}
