@@ -246,17 +246,6 @@ pub struct Updated {
     pub learner: Learner,
     /// What there is to tell of the update.
     pub report: UpdateReport,
-    /// The step from θ to θ'; behavioral cloning takes none of this kind.
-    pub step: Option<NaturalStep>,
-}
-
-/// The step of TRPO from θ to θ', by which θ' moves with θ.
-#[derive(Clone, Debug)]
-pub struct NaturalStep {
-    /// The advantages of what was played, `[N]`, which the step was taken on.
-    pub advantages: Vec<f32>,
-    /// η: how far along the natural gradient it went.
-    pub size: f64,
 }
 
 /// How long a demonstration is adapted to.
@@ -338,7 +327,7 @@ pub fn update(
         let (policy, cloned) =
             behavioral_cloning::clone(&learner.policy, demonstrated, &inner.cloning, alpha, adam, seed)?;
         let learner = Learner { policy, discriminator: learner.discriminator.clone() };
-        return Ok(Updated { learner, report: UpdateReport::of_cloning(played, cloned), step: None });
+        return Ok(Updated { learner, report: UpdateReport::of_cloning(played, cloned) });
     }
     let (discriminator, fit) =
         gail::fit(&learner.discriminator, &[&played.pairs], demonstrated, &inner.discriminator, adam, seed)?;
@@ -348,8 +337,7 @@ pub fn update(
         trpo::step(&played.experiences(&learner.policy, &advantages, 1.0), &inner.trust_region, alpha)?;
     let policy = learner.policy.moved(&step.displacement);
     let report = UpdateReport::of_gail(played, fit, &rewards, &step);
-    let step = NaturalStep { advantages, size: step.size };
-    Ok(Updated { learner: Learner { policy, discriminator }, report, step: Some(step) })
+    Ok(Updated { learner: Learner { policy, discriminator }, report })
 }
 
 /// Rows of one experience; a fixed number, so that the number of threads does not change a sum.
@@ -485,6 +473,28 @@ mod tests {
         let inner = Preset::Paper.config().inner;
         assert_eq!([0, 1, 2, 9].map(|iteration| inner.alpha(iteration)), [1.0, 0.5, 0.5, 0.5]);
         assert_eq!(inner.trust_region.max_kl, 0.15);
+    }
+
+    #[test]
+    fn a_batch_has_the_steps_that_were_asked_for_though_episodes_end_early() {
+        let task = PointMass::new();
+        let playground = Playground::new(&task);
+        let set = planted_set(&[0.0, 180.0], Seed::new(1)).expect("a valid set");
+        let policy = untrained(&set).policy;
+        let of = |batch_steps| InnerUpdate { batch_steps, ..inner() };
+        let play = |batch_steps| {
+            of(batch_steps).play(&playground, &policy, EnvVariant(0), Seed::new(3)).expect("it plays")
+        };
+        // Each has 30 steps.
+        assert_eq!([10, 120, 121, 300].map(|steps| play(steps).len()), [4, 4, 5, 10]);
+        // Had they been expected to have more, as many are played on top as their mean length asks for.
+        let four = play(120);
+        assert_eq!([120, 121, 240, 1000].map(|steps| of(steps).lacking(&four, 64)), [0, 1, 4, 30]);
+        assert_eq!(of(100_000).lacking(&four, 64), 60, "and never more than there may be");
+        let longer = play(300);
+        for (one, other) in four.iter().zip(&longer) {
+            assert_eq!(one.actions(), other.actions(), "episodes do not depend on how many there are");
+        }
     }
 
     /// L_IL = −E[R_IL]: on fresh episodes the adapted policy is paid more by the same discriminator.

@@ -5,24 +5,18 @@
 //! The step is a displacement δ of the parameters that several policies make together, each on its own experience and
 //! with its own weight; one policy on one batch is the ordinary case, and the meta-update of Eq. 2 (first order) is
 //! the case in which each adapted policy θ'_i has its own.
-//! In the exact meta-update (second order) each θ'_i moves as its adaptation carries it along: see [`Adaptation`].
 //!
 //! Where we differ: the paper's step size α scales TRPO's largest step, so that the line search accepts α²·KL.
-
-mod adaptation;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::basics::error::{Error, Result};
-use crate::math::nn::Real;
 use crate::math::nn::gaussian;
 use crate::math::nn::mlp::{Mlp, Tape};
 use crate::math::solve::backtrack;
 use crate::math::solve::conjugate_gradient;
 use crate::world::policy::Policy;
-
-pub use adaptation::Adaptation;
 
 /// How far and how carefully a step goes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,11 +38,10 @@ impl Default for TrustRegion {
     }
 }
 
-/// By how much the line search shortens a step, and how often.
-const SHRINK: (f64, usize) = (0.5, 10);
-/// The same through adaptations, by which the KL divergence nearly always grows a little faster than its quadratic model:
-/// halving would give three quarters of the trust region away (0.8 and 15 in the first MAML code).
-const SHRINK_THROUGH: (f64, usize) = (0.8, 15);
+/// By how much the line search shortens a step.
+const SHRINK: f64 = 0.5;
+/// How often it does.
+const ATTEMPTS: usize = 10;
 const RESIDUAL_TOLERANCE: f64 = 1e-10;
 
 /// Actions that a policy took, and how good each was.
@@ -93,55 +86,23 @@ pub enum StepEnd {
     SearchFailed,
 }
 
-/// Policies with what they did, and how they move with the θ that the step is taken from.
-#[derive(Debug, Default)]
-pub struct Branch<'a> {
-    /// What was done; all of it by policies that move alike.
-    pub experiences: Vec<Experience<'a>>,
-    /// How a displacement of θ moves these policies; where there is none, as it moves θ itself.
-    pub adaptation: Option<Adaptation<'a, f32>>,
-}
-
 /// One TRPO step of α times the largest length.
 pub fn step(experiences: &[Experience<'_>], region: &TrustRegion, alpha: f64) -> Result<Step> {
-    step_through(vec![Branch { experiences: experiences.to_vec(), adaptation: None }], region, alpha)
-}
-
-/// One TRPO step of α times the largest length, taken by a θ that the acting policies were adapted from.
-///
-/// The gradient is pulled back through each branch's adaptation, and objective and KL divergence are those of the
-/// policies that a displacement leads to, to first order in the displacement.
-/// So is the Fisher matrix, Σᵢ JᵢᵀFᵢJᵢ with Jᵢ = dθ'ᵢ/dθ: an adaptation can make a displacement ten times as long, and a
-/// direction that is short by another measure spends the trust region on what improves little.
-pub fn step_through(branches: Vec<Branch<'_>>, region: &TrustRegion, alpha: f64) -> Result<Step> {
-    let (mut limbs, mut adaptations) = (Vec::new(), Vec::new());
-    for Branch { experiences, adaptation } in &branches {
-        limbs.push(experiences.par_iter().map(Batch::new).collect::<Vec<_>>());
-        adaptations.push(adaptation.as_ref());
-    }
-    let gradients = each(&mut limbs, |_, batches| total(batches, Batch::surrogate_gradient));
-    let gradient = sum(adapted(&adaptations, gradients, Adaptation::pulled_back));
+    let mut batches: Vec<Batch<'_>> = experiences.par_iter().map(Batch::new).collect();
+    let gradient = total(&mut batches, Batch::surrogate_gradient);
     if gradient.iter().any(|value| !value.is_finite()) {
         return Err(Error::diverged("the policy gradient is not a finite number"));
     }
     if gradient.iter().all(|value| *value == 0.0) {
         return Ok(Step::none(gradient.len(), StepEnd::NoGradient));
     }
-    let carried = |direction: &[f32]| {
-        adapted(&adaptations, vec![direction.to_vec(); adaptations.len()], Adaptation::carried_along)
-    };
     let fisher = |direction: &[f32], product: &mut [f32]| {
-        let moved = carried(direction);
-        let products = each(&mut limbs, |index, batches| {
-            total(batches, |batch| batch.fisher_vector_product(&moved[index]))
-        });
-        product.copy_from_slice(&sum(adapted(&adaptations, products, Adaptation::pulled_back)));
+        product.copy_from_slice(&total(&mut batches, |batch| batch.fisher_vector_product(direction)));
         for (product, direction) in product.iter_mut().zip(direction) {
             *product += region.damping as f32 * direction;
         }
     };
     let (direction, curvature) = natural_direction(fisher, &gradient, region);
-    let directions = carried(&direction);
     if curvature.is_nan() || curvature <= 0.0 {
         return Ok(Step::none(gradient.len(), StepEnd::SearchFailed));
     }
@@ -149,18 +110,13 @@ pub fn step_through(branches: Vec<Branch<'_>>, region: &TrustRegion, alpha: f64)
     let largest = (2.0 * region.max_kl / curvature).sqrt() * alpha;
     let predicted = largest * dot(&gradient, &direction);
     let bound = region.max_kl * alpha * alpha;
-    let is_through = adaptations.iter().any(Option::is_some);
-    let (shrink, attempts) = if is_through { SHRINK_THROUGH } else { SHRINK };
-    let accepted = backtrack(shrink, attempts, |fraction| {
+    let accepted = backtrack(SHRINK, ATTEMPTS, |fraction| {
         let size = largest * fraction;
-        let along =
-            |direction: &[f32]| -> Vec<f32> { direction.iter().map(|value| value * size as f32).collect() };
-        let (improvement, kl) = sum_of_pairs(each(&mut limbs, |index, batches| {
-            improvement_and_kl(batches, &along(&directions[index]))
-        }));
+        let displacement: Vec<f32> = direction.iter().map(|value| value * size as f32).collect();
+        let (improvement, kl) = improvement_and_kl(&mut batches, &displacement);
         let accept =
             improvement >= region.accept_ratio * predicted * fraction && improvement > 0.0 && kl <= bound;
-        accept.then(|| Step { displacement: along(&direction), kl, size, improvement, end: StepEnd::Moved })
+        accept.then_some(Step { displacement, kl, size, improvement, end: StepEnd::Moved })
     });
     Ok(accepted.map_or(Step::none(gradient.len(), StepEnd::SearchFailed), |(_, step)| step))
 }
@@ -253,45 +209,24 @@ impl<'a> Batch<'a> {
 
 /// F v = Jᵀ M J v of a network's parameters followed by log standard deviations, `[P + act]`, on observations `[B, obs]`
 /// with which `forward` has run on the tape.
-fn fisher_vector_product<T: Real>(
+fn fisher_vector_product(
     network: &Mlp,
-    parameters: &[T],
-    observations: &[T],
-    tape: &mut Tape<T>,
-    direction: &[T],
-) -> Vec<T> {
+    parameters: &[f32],
+    observations: &[f32],
+    tape: &mut Tape<f32>,
+    direction: &[f32],
+) -> Vec<f32> {
     let count = network.parameter_count();
     let (parameters, log_std) = parameters.split_at(count);
     let (network_direction, log_std_direction) = direction.split_at(count);
     let mut tangents = network.jvp(parameters, observations, tape, network_direction).to_vec();
     let mut log_std_tangents = log_std_direction.to_vec();
     gaussian::fisher_metric(log_std, &mut tangents, &mut log_std_tangents);
-    let mut product = vec![T::ZERO; direction.len()];
+    let mut product = vec![0.0; direction.len()];
     let (network_product, log_std_product) = product.split_at_mut(count);
     network.vjp(parameters, observations, tape, &tangents, network_product);
     log_std_product.copy_from_slice(&log_std_tangents);
     product
-}
-
-/// What each branch says, in parallel, in order.
-fn each<'a, R: Send>(
-    limbs: &mut [Vec<Batch<'a>>],
-    say: impl Fn(usize, &mut [Batch<'a>]) -> R + Sync + Send,
-) -> Vec<R> {
-    limbs.par_iter_mut().enumerate().map(|(index, batches)| say(index, batches)).collect()
-}
-
-/// Each branch's vector through its adaptation, if it has one.
-fn adapted<'a>(
-    adaptations: &[Option<&Adaptation<'a, f32>>],
-    vectors: Vec<Vec<f32>>,
-    through: impl Fn(&Adaptation<'a, f32>, &[f32]) -> Vec<f32> + Sync,
-) -> Vec<Vec<f32>> {
-    let map = |(adaptation, vector): (&Option<&Adaptation<'a, f32>>, Vec<f32>)| match adaptation {
-        Some(adaptation) => through(adaptation, &vector),
-        None => vector,
-    };
-    adaptations.par_iter().zip(vectors).map(map).collect()
 }
 
 /// The batches' vectors, made in parallel and summed in order, so that threads do not change a bit.
@@ -299,10 +234,7 @@ fn total<'a>(
     batches: &mut [Batch<'a>],
     vector: impl Fn(&mut Batch<'a>) -> Vec<f32> + Sync + Send,
 ) -> Vec<f32> {
-    sum(batches.par_iter_mut().map(vector).collect())
-}
-
-fn sum(vectors: Vec<Vec<f32>>) -> Vec<f32> {
+    let vectors: Vec<Vec<f32>> = batches.par_iter_mut().map(vector).collect();
     let mut vectors = vectors.into_iter();
     let mut sum = vectors.next().unwrap_or_default();
     for vector in vectors {
@@ -312,11 +244,9 @@ fn sum(vectors: Vec<Vec<f32>>) -> Vec<f32> {
 }
 
 fn improvement_and_kl(batches: &mut [Batch<'_>], displacement: &[f32]) -> (f64, f64) {
-    sum_of_pairs(batches.par_iter_mut().map(|batch| batch.improvement_and_kl(displacement)).collect())
-}
-
-fn sum_of_pairs(pairs: Vec<(f64, f64)>) -> (f64, f64) {
-    pairs.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1))
+    let parts: Vec<(f64, f64)> =
+        batches.par_iter_mut().map(|batch| batch.improvement_and_kl(displacement)).collect();
+    parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1))
 }
 
 fn dot(left: &[f32], right: &[f32]) -> f64 {

@@ -19,8 +19,8 @@
 //!
 //! Where we differ: the box updates D before it needs it (line 8 uses what line 9 makes), so line 9 comes first;
 //! the meta-gradients are of first order by default, which Eq. 3 is as written.
-//! With [`Order::Second`] that of θ is exact: through the plain steps of behavioral cloning, and through GAIL's
-//! natural-gradient step with the Fisher matrix and the step's size held fixed (see [`crate::learning::trpo::Adaptation`]).
+//! With [`Order::Second`] that of θ is exact, through the plain steps of behavioral cloning; through GAIL's natural-gradient
+//! step it ranked worse wherever it was tried.
 //! What line 14 adds is held fixed too.
 //! Under behavioral cloning lines 8 and 18 are supervised learning, line 19 has no discriminator to move, and nothing is
 //! played but for the curve and for mutual information, whose line 14 is a policy gradient as for GAIL (§4.2).
@@ -41,9 +41,7 @@ use crate::basics::observer::{Event, Observer, is_due};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemonstrationSet;
 use crate::data::weights::Weights;
-use crate::learning::adapt::{
-    self, InnerUpdate, Learner, MetaPrior, NaturalStep, Played, Target, UpdateReport, Updated,
-};
+use crate::learning::adapt::{self, InnerUpdate, Learner, MetaPrior, Played, Target, UpdateReport, Updated};
 use crate::learning::mutual_information::{self, Sequences};
 use crate::learning::trpo::TrustRegion;
 use crate::math::nn::adam::Adam;
@@ -68,7 +66,8 @@ pub struct MetaTraining {
     pub meta_batch: usize,
     /// Trust region of the meta-update of θ; the bound is on the KL divergence after adaptation; not in the paper.
     pub trust_region: TrustRegion,
-    /// Whether the meta-gradient of θ goes through the inner update (Eq. 2) or stops at θ'_i (as Eq. 3 does for D_meta).
+    /// Whether the meta-gradient of θ goes through the inner update (Eq. 2), which it can by behavioral cloning, or stops at
+    /// θ'_i (as Eq. 3 does for D_meta).
     pub order: Order,
     /// β of θ under behavioral cloning, Adam's step size; not in the paper. GAIL's θ has the trust region instead.
     pub policy_learning_rate: f64,
@@ -86,7 +85,7 @@ pub struct MetaTraining {
 pub enum Order {
     /// ∇L at θ'_i, as if θ'_i moved as θ does.
     First,
-    /// ∇_θ L(f_θ'_i), through the inner update.
+    /// ∇_θ L(f_θ'_i), through the inner update; by behavioral cloning only.
     Second,
 }
 
@@ -236,13 +235,10 @@ struct Outcome {
     adapted: Learner,
     after: Played,
     update: UpdateReport,
-    /// That of line 8, by GAIL.
-    step: Option<NaturalStep>,
 }
 
 /// The result of a round.
 struct PlayedRound {
-    before: Vec<Before>,
     outcomes: Vec<Outcome>,
     information: Option<regularize::Report>,
     behavior_spread: Option<f64>,
@@ -295,7 +291,6 @@ struct Imitator {
     target: Target,
     adapted: Learner,
     update: UpdateReport,
-    step: Option<NaturalStep>,
 }
 
 impl Round<'_> {
@@ -310,7 +305,7 @@ impl Round<'_> {
         let environment_steps = played.map(|played| played.observations.len()).sum::<usize>()
             + information.as_ref().map_or(0, |report| report.environment_steps);
         let behavior_spread = behavior_spread(self, &outcomes);
-        Ok(PlayedRound { before, outcomes, information, behavior_spread, environment_steps })
+        Ok(PlayedRound { outcomes, information, behavior_spread, environment_steps })
     }
 
     /// The variants that it is about, each once.
@@ -347,20 +342,20 @@ fn imitate(round: &Round<'_>, before: &[Before], demonstrated: &[Rows]) -> Resul
         let mut adam = inner.adam(prior);
         let seed = seed.of("after").at(target.variant.0).of("fit");
         let demonstrated = &[&demonstrated[target.demo.0]];
-        let Updated { learner: adapted, report: update, step } =
+        let Updated { learner: adapted, report: update } =
             adapt::update(prior, before, demonstrated, inner, inner.alpha(0), &mut adam, seed)?;
-        Ok(Imitator { target: *target, adapted, update, step })
+        Ok(Imitator { target: *target, adapted, update })
     };
     targets.par_iter().map(imitate).collect()
 }
 
 /// Line 15.
 fn play_adapted(round: &Round<'_>, imitators: Vec<Imitator>) -> Result<Vec<Outcome>> {
-    let play = |Imitator { target, adapted, update, step }| {
+    let play = |Imitator { target, adapted, update }| {
         let seed = round.seed.of("after").at(target.variant.0).of("play");
         let trajectories = round.inner.play(round.playground, &adapted.policy, target.variant, seed)?;
         let after = Played::new(round.playground, &adapted.policy, &trajectories);
-        Ok(Outcome { target, weight: round.weights.of(target.demo), adapted, after, update, step })
+        Ok(Outcome { target, weight: round.weights.of(target.demo), adapted, after, update })
     };
     imitators.into_par_iter().map(play).collect()
 }

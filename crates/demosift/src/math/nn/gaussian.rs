@@ -106,58 +106,6 @@ pub fn log_probability_gradient<T: Real>(
     );
 }
 
-/// Rows of a batch and a direction in which its distribution moves, as [`likelihood_ratio_tangents`] takes them.
-#[derive(Clone, Copy, Debug)]
-pub struct Moving<'a, T> {
-    /// Means, `[batch, act]`.
-    pub means: &'a [T],
-    /// Logarithms of the standard deviations, `[act]`.
-    pub log_std: &'a [T],
-    /// How the means move, `[batch, act]`.
-    pub mean_tangents: &'a [T],
-    /// How the logarithms of the standard deviations move, `[act]`.
-    pub log_std_tangents: &'a [T],
-}
-
-/// How the gradient of Σ_b w_b π(a_b)/π₀(a_b) moves with π, at π = π₀: actions `[batch, act]`, weights w `[batch]`.
-///
-/// With z = (a − μ)/σ, and ℓ̇ = Σ_d z_d μ̇_d/σ_d + (z_d² − 1) ṡ_d the tangent of log π, which is that of the ratio too:
-///
-/// d ∂/∂μ_bd = w_b (ℓ̇_b z/σ − μ̇/σ² − 2 ṡ z/σ)  — replaces the cotangents' tangents `[batch, act]`, which are returned
-///
-/// d ∂/∂log σ_d = Σ_b w_b (ℓ̇_b (z² − 1) − 2 z μ̇/σ − 2 ṡ z²)  — is added to `log_std_gradient_tangents` `[act]`
-///
-/// The first term of each is what the logarithm alone would lack: the score of the action that was drawn.
-pub fn likelihood_ratio_tangents<T: Real>(
-    moving: Moving<'_, T>,
-    actions: &[T],
-    row_weights: &[T],
-    log_std_gradient_tangents: &mut [T],
-) -> Vec<T> {
-    let Moving { means, log_std, mean_tangents, log_std_tangents } = moving;
-    check(means, log_std, actions);
-    check(mean_tangents, log_std_tangents, actions);
-    let width = log_std.len();
-    assert_eq!(row_weights.len(), means.len() / width, "weights of the rows");
-    assert_eq!(log_std_gradient_tangents.len(), width, "length of the gradient");
-    let (inverse, two) = (inverse_std(log_std), T::from_f64(2.0));
-    let mut cotangent_tangents = vec![T::ZERO; means.len()];
-    for (row, weight) in row_weights.iter().enumerate() {
-        let at = |d: usize| row * width + d;
-        let z = |d: usize| (actions[at(d)] - means[at(d)]) * inverse[d];
-        let moved = |d: usize| mean_tangents[at(d)] * inverse[d];
-        let score: T =
-            (0..width).map(|d| z(d) * moved(d) + (z(d) * z(d) - T::ONE) * log_std_tangents[d]).sum();
-        for d in 0..width {
-            let (z, moved, spread) = (z(d), moved(d), log_std_tangents[d]);
-            cotangent_tangents[at(d)] = *weight * inverse[d] * (score * z - moved - two * spread * z);
-            log_std_gradient_tangents[d] +=
-                *weight * (score * (z * z - T::ONE) - two * z * moved - two * spread * z * z);
-        }
-    }
-    cotangent_tangents
-}
-
 /// M v: the Hessian of [`kl`] at old = new, applied in place to tangents of the means `[batch, act]` and of `log_std` `[act]`.
 ///
 /// ∂²KL/∂μ_bd² = 1/(B σ_d²),  ∂²KL/∂(log σ_d)² = 2;  all others are 0.

@@ -76,6 +76,10 @@ fn check_order(config: &Config) -> Result<()> {
     let InnerUpdate { imitation, cloning, .. } = &config.inner;
     let is_through_adam = *imitation == Rule::BehavioralCloning && cloning.descent == Descent::Adam;
     match config.meta_train.order {
+        Order::Second if *imitation == Rule::Gail => Err(Error::bad_config(
+            "meta_train.order = second with inner.imitation = gail: the exact meta-gradient is that of cloning, and \
+             meta_train.order must be first, or inner.imitation behavioral_cloning",
+        )),
         Order::Second if is_through_adam => Err(Error::bad_config(
             "meta_train.order = second with inner.cloning.descent = adam: Adam is not differentiated through, \
              and inner.cloning.descent must be gradient, or meta_train.order first",
@@ -313,6 +317,8 @@ mod tests {
             config.meta_train.order = Order::Second;
         });
         assert!(exact_through_adam.ends_with("must be gradient, or meta_train.order first"));
+        let exact_through_gail = complaint(|config| config.meta_train.order = Order::Second);
+        assert!(exact_through_gail.ends_with("must be first, or inner.imitation behavioral_cloning"));
         assert_eq!(complaint(|config| config.policy.hidden[1] = 0), zero("one of policy.hidden"));
         assert_eq!(
             complaint(|config| config.imitate.update.alphas.clear()),

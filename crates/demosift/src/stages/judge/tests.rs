@@ -1,9 +1,28 @@
 use std::sync::Mutex;
 
 use super::*;
+use crate::basics::error::Error;
 use crate::learning::adapt;
 use crate::run::preset::Preset;
 use crate::world::point_mass::{PointMass, planted_set};
+
+#[test]
+fn an_evaluation_has_as_many_episodes_as_their_length_allows() {
+    let acting = Acting::Sampled;
+    let judging = |evaluations| Judging {
+        iterations: 1,
+        averaged: 1,
+        evaluations,
+        repeats: 1,
+        most_repeats: 0,
+        acting,
+    };
+    assert_eq!(judging(20).episodes(60), 20);
+    assert_eq!(judging(20).episodes(500), 10);
+    assert_eq!(judging(20).episodes(1000), 5);
+    assert_eq!(judging(20).episodes(100_000), 5, "never fewer");
+    assert_eq!(judging(3).episodes(1000), 3, "unless fewer are asked for");
+}
 
 /// What a crew led to: the result, the state it is made of, and the numbers that were told, in order.
 #[derive(Debug, PartialEq)]

@@ -7,11 +7,11 @@
 
 use rayon::prelude::*;
 
-use super::{Before, Learning, MetaState, Order, Outcome, PlayedRound, before_under, cloning, total_weight};
+use super::{Learning, MetaState, Outcome, PlayedRound, cloning, total_weight};
 use crate::basics::error::{Error, Result};
-use crate::learning::adapt::{InnerUpdate, NaturalStep, Rule};
+use crate::learning::adapt::Rule;
 use crate::learning::gail;
-use crate::learning::trpo::{self, Adaptation, Branch, Step};
+use crate::learning::trpo::{self, Step};
 use crate::math::rows::Rows;
 use crate::world::policy::Policy;
 
@@ -32,13 +32,13 @@ pub(super) fn meta_update(
     }
 }
 
-/// Line 18, Eq. 2: θ moves so that all adapted θ'_i imitate better, each by its weight c_i (§4.4); to first order they move
-/// together with it, to second each as its adaptation carries it along.
+/// Line 18, Eq. 2: θ moves so that all adapted θ'_i imitate better, each by its weight c_i (§4.4); they move together with
+/// it, as in a gradient of first order.
 ///
 /// The weights share out the trust region too, so that what counts for nothing does not hold θ back.
 pub(super) fn meta_update_policy(
     policy: &mut Policy,
-    PlayedRound { before, outcomes, .. }: &PlayedRound,
+    PlayedRound { outcomes, .. }: &PlayedRound,
     learning: &Learning<'_>,
 ) -> Result<Step> {
     let Learning { training, inner, .. } = *learning;
@@ -53,31 +53,9 @@ pub(super) fn meta_update_policy(
     let experiences = outcomes.iter().zip(&advantages).map(|(outcome, advantages)| {
         outcome.after.experiences(&outcome.adapted.policy, advantages, outcome.weight / total)
     });
-    let region = &training.trust_region;
-    let step = match training.order {
-        Order::First => trpo::step(&experiences.flatten().collect::<Vec<_>>(), region, 1.0)?,
-        Order::Second => {
-            let branches = experiences.zip(outcomes).map(|(experiences, outcome)| {
-                let adaptation = adaptation(policy, before, outcome, inner);
-                Branch { experiences, adaptation: Some(adaptation) }
-            });
-            trpo::step_through(branches.collect(), region, 1.0)?
-        }
-    };
+    let step = trpo::step(&experiences.flatten().collect::<Vec<_>>(), &training.trust_region, 1.0)?;
     *policy = policy.moved(&step.displacement);
     Ok(step)
-}
-
-/// How a θ'_i moves with θ: the step of line 8, on the trajectories of line 7.
-fn adaptation<'a>(
-    policy: &'a Policy,
-    before: &'a [Before],
-    outcome: &'a Outcome,
-    inner: &InnerUpdate,
-) -> Adaptation<'a, f32> {
-    let NaturalStep { advantages, size } = outcome.step.as_ref().expect("GAIL adapts by such a step");
-    let experiences = before_under(before, outcome.target.variant).experiences(policy, advantages, 1.0);
-    Adaptation::new(&experiences, &inner.trust_region, *size)
 }
 
 /// Line 19, Eq. 3: D_meta ← D_meta − β Σ_i c_i·(Ê_τi[∇ −log D'_i] + Ê_vi[∇ −log(1 − D'_i)]).
