@@ -1,17 +1,12 @@
 //! What can be asked of a run that is finished: another number to keep, more final policies, what it hands on.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-#![allow(clippy::print_stderr, reason = "a test that was skipped says so")]
-
-mod support;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
+use crate::support::{Scratch, assert_same_files};
 use serde_json::Value;
-use support::{Scratch, assert_same_files};
 
 /// Without a race, which would give further repeats to those near the cut.
 const JOB: &str =

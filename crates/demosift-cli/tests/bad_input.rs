@@ -1,16 +1,12 @@
 //! Each mistake of a user gets one clear error, exit code 2, and leaves nothing half-written.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-
-mod support;
-
+use crate::support::Scratch;
 use demosift::data::demonstration::d4rl::{self, Episode};
 use demosift::data::observation_filter::ObservationFilter;
 use demosift::math::rows::Rows;
 use demosift::results::artifact;
 use demosift::world::policy::{Policy, PolicyShape};
 use hdf5_pure::FileBuilder;
-use support::Scratch;
 
 const TASK: &str = "--task point_mass --config tiny.toml --out run";
 
@@ -267,7 +263,7 @@ fn a_number_to_keep_that_is_not_there() {
 #[test]
 fn demonstrators_that_are_none_or_do_not_fit() {
     let scratch = Scratch::new("demonstrators");
-    scratch.succeed(&format!("{} --out trained", support::RECORD));
+    scratch.succeed(&format!("{} --out trained", crate::support::RECORD));
     scratch.succeed("record --demonstrator trained --out recorded");
     let record = "record --task point_mass --out run";
     refuses(&scratch, &format!("{record} --demonstrator none"), &["no such run folder", "none"]);
@@ -311,7 +307,7 @@ fn demonstrators_that_are_none_or_do_not_fit() {
 #[test]
 fn a_guest_that_never_succeeds() {
     let scratch = Scratch::new("hopeless-guest");
-    scratch.succeed(&format!("{} --set demonstrator.updates=0 --out hopeless", support::RECORD));
+    scratch.succeed(&format!("{} --set demonstrator.updates=0 --out hopeless", crate::support::RECORD));
     let wanted = ["at least 50 %", "this one reaches 0 %", "hopeless"];
     refuses(&scratch, "record --task point_mass --guest hopeless=2 --out run", &wanted);
 }
@@ -342,11 +338,11 @@ fn a_run_folder_of_another_run() {
     scratch.succeed(&format!("judge same.hdf5 {TASK} --resume"));
     let set =
         demosift::world::point_mass::planted_set(&[0.0, 90.0], demosift::basics::seed::Seed::new(4)).unwrap();
-    support::write_set(&scratch.0.join("other.hdf5"), &set);
+    crate::support::write_set(&scratch.0.join("other.hdf5"), &set);
     refuses(&scratch, &format!("judge other.hdf5 {TASK} --resume"), &["SHA-256 of the demonstrations was"]);
-    support::assert_same_files(&before, &scratch.files("run"));
+    crate::support::assert_same_files(&before, &scratch.files("run"));
 
-    support::rewritten(&scratch.0.join("run/run.json"), |run| run["demosift"] = "0.0.1".into());
+    crate::support::rewritten(&scratch.0.join("run/run.json"), |run| run["demosift"] = "0.0.1".into());
     refuses(&scratch, "judge --out run --resume", &["the version of demosift was 0.0.1"]);
     std::fs::write(scratch.0.join("run/run.json"), "{").unwrap();
     refuses(&scratch, "judge --out run --resume", &["not the file of a run", "run.json"]);
@@ -463,7 +459,7 @@ fn replays_that_cannot_be() {
         "play --task half_cheetah --data set",
         &["no states of the simulator, 'infos/qpos' and 'infos/qvel'", "set/demonstrations.hdf5", "\nhint: "],
     );
-    let throws = support::in_repository("data/free_throw_8");
+    let throws = crate::support::in_repository("data/free_throw_8");
     let replay = format!("play --data {} --task", throws.display());
     refuses(&scratch, &format!("{replay} free_throw --demonstration 0,8"), &["--demonstration 8", "0 to 7"]);
     refuses(
@@ -481,7 +477,7 @@ fn replays_that_cannot_be() {
 fn pictures_that_cannot_be_taken() {
     let scratch = Scratch::new("play-pictures");
     write_policy(&scratch);
-    let throws = support::in_repository("data/free_throw_8");
+    let throws = crate::support::in_repository("data/free_throw_8");
     let play = "play --task point_mass --policy policy.safetensors";
     refuses(
         &scratch,
@@ -536,7 +532,7 @@ fn a_full_disk() {
     }
     // With space again the run goes on as if nothing had been.
     assert_eq!(scratch.succeed("judge --out run --resume").replace("run\n", "other\n"), whole);
-    support::assert_same_files(&scratch.files("run"), &scratch.files("other"));
+    crate::support::assert_same_files(&scratch.files("run"), &scratch.files("other"));
 }
 
 #[test]

@@ -1,8 +1,6 @@
 //! What the command says of itself, and what the documents say of it.
 
-mod support;
-
-use support::{Scratch, in_repository};
+use crate::support::{Scratch, in_repository};
 
 /// The name of a field that a line of a struct declares.
 fn field_of(line: &str) -> Option<&str> {

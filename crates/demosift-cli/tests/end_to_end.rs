@@ -1,19 +1,15 @@
 //! The command as a user runs it, on the point mass with tiny budgets.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-
-mod support;
-
 use std::io::Read as _;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::support::{RECORD, Scratch, assert_same_files, write_set};
 use demosift::basics::seed::Seed;
 use demosift::data::demonstration::d4rl;
 use demosift::world::point_mass;
 use rustix::process::{Pid, Signal, kill_process};
-use support::{RECORD, Scratch, assert_same_files, write_set};
 
 const TASK: &str = "--task point_mass --config tiny.toml";
 
@@ -361,7 +357,7 @@ fn demonstrations_are_weighed_and_kept_by_weight() {
 #[test]
 fn a_recording_is_a_set_and_resumes() {
     let scratch = Scratch::new("record");
-    let record = support::RECORD;
+    let record = crate::support::RECORD;
     let said = scratch.succeed(&format!("{record} --out recorded"));
     assert!(said.contains("The demonstrator was done after"), "{said}");
     let again = scratch.succeed("record --out recorded --resume");
@@ -374,7 +370,7 @@ fn a_recording_is_a_set_and_resumes() {
 #[test]
 fn a_training_that_was_killed_resumes_to_the_identical_recording() {
     let scratch = Scratch::new("kill-record");
-    let job = format!("{} --unseen 2 --set demonstrator.enough_success=2.0", support::RECORD);
+    let job = format!("{} --unseen 2 --set demonstrator.enough_success=2.0", crate::support::RECORD);
     let job = format!("{job} --set demonstrator.updates=60 --set demonstrator.trust_region.max_kl=0.001");
     scratch.succeed(&format!("{job} --out whole"));
     kill_after(
@@ -389,7 +385,7 @@ fn a_training_that_was_killed_resumes_to_the_identical_recording() {
 #[test]
 fn other_sets_come_from_one_training() {
     let scratch = Scratch::new("demonstrator");
-    scratch.succeed(&format!("{} --unseen 3 --out trained", support::RECORD));
+    scratch.succeed(&format!("{} --unseen 3 --out trained", crate::support::RECORD));
     // The same set, if the same is asked for.
     scratch.succeed("record --demonstrator trained --count 3 --unseen 3 --out again");
     let (trained, again) = (scratch.files("trained"), scratch.files("again"));
@@ -423,8 +419,8 @@ fn other_sets_come_from_one_training() {
 #[test]
 fn a_guest_brings_demonstrations_at_which_it_succeeds() {
     let scratch = Scratch::new("guest");
-    scratch.succeed(&format!("{} --out own", support::RECORD));
-    scratch.succeed(&format!("{} --seed 5 --out other", support::RECORD));
+    scratch.succeed(&format!("{} --out own", crate::support::RECORD));
+    scratch.succeed(&format!("{} --seed 5 --out other", crate::support::RECORD));
     let said =
         scratch.succeed("record --demonstrator own --guest other=4 --count 10 --seed 1 --json --out mixed");
     let value: serde_json::Value = serde_json::from_str(&said).unwrap();

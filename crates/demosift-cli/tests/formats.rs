@@ -1,17 +1,13 @@
 //! Every command takes every format, and what a run kept goes back to the tool that its demonstrations came from.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-
-mod support;
-
 use std::fs;
 
+use crate::support::{RECORD, Scratch, in_repository};
 use demosift::data::demonstration::episode::{Columns, Format, Source};
 use demosift::data::demonstration::open;
 use demosift::data::demonstration::{self, d4rl};
 use hdf5_pure::FileBuilder;
 use serde_json::Value;
-use support::{RECORD, Scratch, in_repository};
 
 fn read(scratch: &Scratch, path: &str) -> Source {
     open::open(&scratch.0.join(path), None, &Columns::default()).unwrap()

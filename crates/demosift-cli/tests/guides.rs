@@ -2,14 +2,10 @@
 //!
 //! CONTRIBUTING.md says how a guide is marked up for this.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-
-mod support;
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use support::in_repository;
+use crate::support::in_repository;
 
 /// A fenced block of a guide.
 #[derive(Debug, PartialEq)]

@@ -2,20 +2,14 @@
 //!
 //! Without Gymnasium these tests say that they were skipped.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-
-#[path = "../../demosift-gymnasium/tests/support/mod.rs"]
-mod python;
-mod support;
-
 use std::process::Output;
 use std::time::{Duration, Instant};
 
+use crate::support::{Scratch, assert_same_files, rewritten, write_set};
 use demosift::basics::seed::Seed;
 use demosift::data::demonstration::{Demonstration, DemonstrationSet};
 use demosift::math::rows::Rows;
 use demosift::world::point_mass;
-use support::{Scratch, assert_same_files, rewritten, write_set};
 
 /// Four demonstrations of the point mass, of which 1 and 3 go to the goal, in the unit of the environment: −2 to 2.
 fn set_in_newtons(scratch: &Scratch) {
@@ -29,8 +23,8 @@ fn set_in_newtons(scratch: &Scratch) {
 
 /// Arguments that name an environment of the test's file.
 fn env(name: &str) -> Option<String> {
-    let python = python::interpreter()?;
-    Some(format!("--env {}:{name} --python {}", python::environments().display(), python.display()))
+    let python = crate::python::interpreter()?;
+    Some(format!("--env {}:{name} --python {}", crate::python::environments().display(), python.display()))
 }
 
 fn said(output: &Output) -> String {
@@ -234,9 +228,9 @@ fn no_worker_outlives_the_command() {
 /// As Minari writes it: an environment by its specification, and a seed beside each episode.
 #[test]
 fn a_set_of_minari_names_its_environment_and_its_episodes_come_again() {
-    let Some(python) = python::interpreter() else { return };
+    let Some(python) = crate::python::interpreter() else { return };
     let scratch = Scratch::new("gymnasium-minari");
-    let script = python::environments().with_file_name("record_pendulum.py");
+    let script = crate::python::environments().with_file_name("record_pendulum.py");
     let made = std::process::Command::new(&python).arg(script).arg(scratch.0.join("made")).output().unwrap();
     assert!(made.status.success(), "{}", said(&made));
     minari_of(&scratch.0.join("made"), &scratch.0.join("pendulum"));

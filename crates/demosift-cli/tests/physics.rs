@@ -1,9 +1,6 @@
 //! The command on real physics: the set that the repository carries, with tiny budgets.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-
-mod support;
-
+use crate::support::{Scratch, assert_same_files, in_repository};
 use demosift::basics::seed::Seed;
 use demosift::data::demonstration::DemonstrationSet;
 use demosift::data::demonstration::d4rl::{self, Episode, States};
@@ -11,7 +8,6 @@ use demosift::math::rows::Rows;
 use demosift::results::recording::Origin;
 use demosift::world::environment::{EnvVariant, Environment as _, Task as _};
 use demosift_mujoco::registry;
-use support::{Scratch, assert_same_files, in_repository};
 
 #[test]
 fn eight_free_throws_are_sifted_to_the_same_bytes_on_one_thread_and_two() {

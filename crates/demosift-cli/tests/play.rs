@@ -1,10 +1,6 @@
 //! `demosift play` on the set that the repository carries, and on policies that other subcommands wrote.
 
-#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a failed unwrap is a failed test")]
-
-mod support;
-
-use support::{Scratch, in_repository};
+use crate::support::{Scratch, in_repository};
 
 fn replay(options: &str) -> String {
     format!("play --task free_throw --data {} {options}", in_repository("data/free_throw_8").display())

@@ -1,22 +1,16 @@
 //! Policies of run folders, played without demosift.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-
-#[path = "../../demosift/tests/onnxruntime/mod.rs"]
-mod onnxruntime;
-mod support;
-
+use crate::support::{RECORD, Scratch, in_repository};
 use demosift::data::demonstration::d4rl;
 use demosift::results::artifact;
 use demosift::world::environment::Task as _;
 use demosift::world::policy::Player;
 use demosift_mujoco::registry;
-use support::{RECORD, Scratch, in_repository};
 
 /// On observations that others made; the policy has learned a little, and its filter is that of its own episodes.
 #[test]
 fn a_recorded_demonstrator_plays_the_same_in_onnxruntime() {
-    let Some(packages) = onnxruntime::packages() else { return };
+    let Some(packages) = crate::onnxruntime::packages() else { return };
     let scratch = Scratch::new("onnx");
     let training = "--set demonstrator.updates=6 --set demonstrator.snapshot_every=1 \
                     --set demonstrator.batch_steps=600 --set demonstrator.policy.initial_std=1.0";
@@ -29,7 +23,7 @@ fn a_recorded_demonstrator_plays_the_same_in_onnxruntime() {
     let observations: Vec<f32> =
         set.iter().flat_map(|(_, demonstration)| demonstration.observations().flat().to_vec()).collect();
     let model = &files["policy_demonstrator.onnx"];
-    let [actions, controls] = onnxruntime::played(&packages, "command", model, &observations);
+    let [actions, controls] = crate::onnxruntime::played(&packages, "command", model, &observations);
     assert!(actions.len() >= 8 * 60 * 21, "{}", actions.len());
 
     let ranges = registry::load("free_throw").unwrap().specification().control_ranges.clone();
@@ -63,7 +57,7 @@ fn policies_of_an_older_run_are_handed_on_and_a_run_that_goes_on_writes_them() {
 
     std::fs::rename(scratch.0.join("moved"), scratch.0.join("set")).unwrap();
     scratch.succeed("imitate --out run --resume --demonstration-ids 1");
-    support::assert_same_files(&scratch.files("run"), &whole);
+    crate::support::assert_same_files(&scratch.files("run"), &whole);
 }
 
 #[test]

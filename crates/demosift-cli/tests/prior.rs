@@ -1,13 +1,9 @@
 //! `demosift judge --prior` as a user sees it: new demonstrations are judged from the prior of an earlier run.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-
-mod support;
-
+use crate::support::{Scratch, write_set};
 use demosift::basics::seed::Seed;
 use demosift::world::point_mass;
 use serde_json::Value;
-use support::{Scratch, write_set};
 
 /// A run of four demonstrations in `run`, and others beside it.
 fn scratch(name: &str) -> Scratch {
@@ -34,7 +30,7 @@ fn one_new_demonstration_is_told_its_place() {
     ] {
         assert!(told.contains(part), "{part}: {told}");
     }
-    support::assert_same_files(&before, &scratch.files("run"));
+    crate::support::assert_same_files(&before, &scratch.files("run"));
 
     let json = scratch.succeed("judge better.hdf5 --prior run --out again --json");
     let json: Value = serde_json::from_str(&json).unwrap();

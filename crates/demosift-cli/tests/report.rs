@@ -1,15 +1,10 @@
 //! The report as a user gets it: what is in the file, and what a browser makes of it.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-#![allow(clippy::print_stderr, reason = "a test that was skipped says so")]
-
-mod support;
-
 use std::path::Path;
 use std::process::Command;
 
+use crate::support::{Scratch, in_repository};
 use serde_json::Value;
-use support::{Scratch, in_repository};
 
 const POINT_MASS: &str = "--task point_mass --config tiny.toml";
 

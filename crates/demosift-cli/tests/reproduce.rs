@@ -1,13 +1,9 @@
 //! `demosift reproduce` as a user sees it: cells, figures, numbers and the page of an experiment, whole and in part.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-
-mod support;
-
 use std::fs;
 
+use crate::support::{Scratch, in_repository};
 use serde_json::Value;
-use support::{Scratch, in_repository};
 
 /// One set and one that only lends its prior, two methods, curves, weights and claims: all of it in seconds.
 const STUDY: &str = r#"
@@ -193,7 +189,7 @@ fn an_experiment_becomes_cells_figures_numbers_and_a_page() {
     let moved = scratch.0.join("tiny.json");
     fs::rename(scratch.0.join("pages/tiny.json"), &moved).unwrap();
     scratch.succeed("reproduce tiny.json --page again/first.md --commit abc123 --machine a-toaster");
-    support::assert_same_files(&first, &scratch.files("again"));
+    crate::support::assert_same_files(&first, &scratch.files("again"));
     let json: Value = serde_json::from_str(&scratch.succeed("reproduce tiny.json --json")).unwrap();
     assert_eq!((json["experiment"].as_str(), json["partial"].as_bool()), (Some("tiny"), Some(true)));
     assert_eq!(json["told"]["seeds"], serde_json::json!([2, 2]));
@@ -233,7 +229,7 @@ fn parts_and_threads_change_nothing_and_a_part_is_drawn_already() {
     let svg = read(&scratch, "two/curves.svg");
     assert_eq!(svg, read(&scratch, "one/curves.svg"));
     scratch.succeed("reproduce tiny.toml --out two");
-    support::assert_same_files(&before, &scratch.files("two/cells"));
+    crate::support::assert_same_files(&before, &scratch.files("two/cells"));
 
     // The cells are those of a study, whose other tables can be shown too.
     let told = scratch.succeed("study tiny.toml --out two --table");

@@ -1,18 +1,14 @@
 //! Nothing is lost, and nothing that is damaged is used: files that were changed, two runs in one folder, links and disks.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-
-mod support;
-
 use std::fs;
 use std::os::unix::ffi::OsStrExt as _;
 use std::os::unix::fs::symlink;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::support::{Scratch, assert_same_files};
 use demosift::data::demonstration::d4rl::{self, Episode};
 use demosift::math::rows::Rows;
-use support::{Scratch, assert_same_files};
 
 const TASK: &str = "--task point_mass --config tiny.toml";
 
@@ -157,14 +153,14 @@ fn a_configuration_or_measurements_that_were_changed_are_told() {
 fn a_demonstration_that_is_not_of_the_set() {
     let scratch = Scratch::new("ids");
     scratch.succeed(&format!("select set {TASK} --out run"));
-    support::rewritten(&scratch.0.join("run/ranking.json"), |ranking| {
+    crate::support::rewritten(&scratch.0.join("run/ranking.json"), |ranking| {
         ranking["entries"][0]["demo"] = 99.into()
     });
     for form in ["csv", "json"] {
         let wanted = ["names demonstration 99", "0 to 3", "hint: "];
         complaint(&scratch.run(&format!("export run --as {form}")), &wanted);
     }
-    support::rewritten(&scratch.0.join("run/subset.json"), |subset| subset["demos"] = vec![7].into());
+    crate::support::rewritten(&scratch.0.join("run/subset.json"), |subset| subset["demos"] = vec![7].into());
     complaint(&scratch.run("export run --as csv"), &["names demonstration 7"]);
 }
 

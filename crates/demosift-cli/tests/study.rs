@@ -1,14 +1,10 @@
 //! `demosift study` as a user sees it: it goes on where it stopped, on any number of threads, and tells each mistake.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-
-mod support;
-
 use std::fs;
 use std::time::Duration;
 
+use crate::support::{Scratch, in_repository};
 use serde_json::Value;
-use support::{Scratch, in_repository};
 
 /// Two sets, two methods and what combines them, all of it in seconds; `ADD` is where tests add something.
 const STUDY: &str = r#"
@@ -240,7 +236,7 @@ fn a_cell_that_fails_is_told_and_stops_no_other() {
     assert!(told.contains("oracle by gail"), "{told}");
     let before = scratch.files("run/cells");
     scratch.succeed("study tiny.toml --out run --only four");
-    support::assert_same_files(&before, &scratch.files("run/cells"));
+    crate::support::assert_same_files(&before, &scratch.files("run/cells"));
 }
 
 #[test]

@@ -1,13 +1,9 @@
 //! `demosift task check` as a user runs it: on tasks that are right and wrong, with sets that fit and do not.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-
-mod support;
-
+use crate::support::{Scratch, in_repository};
 use demosift::data::demonstration::d4rl::{self, Episode};
 use demosift::math::rows::Rows;
 use serde_json::Value;
-use support::{Scratch, in_repository};
 
 /// A block upon a slide, right in all but a camera.
 const MODEL: &str = "<mujoco><worldbody><body name='block'><joint name='slide' type='slide' axis='1 0 0' damping='1'/>\

@@ -1,11 +1,8 @@
 //! Sets in other units than their task's, as a user meets them: stopped, mended by a set.toml, ranked, and handed on as they were.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-
-mod support;
-
 use std::path::Path;
 
+use crate::support::Scratch;
 use demosift::basics::seed::Seed;
 use demosift::data::demonstration::episode::{Columns, Episode, Source};
 use demosift::data::demonstration::lerobot::{self, Described};
@@ -14,7 +11,6 @@ use demosift::math::rows::Rows;
 use demosift::world::environment::{EnvVariant, Environment as _, Task as _};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use serde_json::Value;
-use support::Scratch;
 
 const MODEL: &str = "<mujoco><option timestep='0.01'/><worldbody><camera name='side' pos='0 -1 0'/>\
     <site name='target' pos='0 0 0.2'/><body name='rod'>\

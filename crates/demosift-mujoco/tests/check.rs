@@ -1,5 +1,4 @@
 //! What a check of a task finds: mistakes that are planted one by one in an arm that is right, and in recordings of it.
-#![allow(clippy::unwrap_used, clippy::print_stderr, missing_docs)]
 
 use demosift::basics::seed::Seed;
 use demosift::data::demonstration::{Demonstration, DemonstrationSet};

@@ -1,5 +1,4 @@
 //! A first task file for a model: it is a task that the check accepts, and observes what a set holds.
-#![allow(clippy::unwrap_used, missing_docs)]
 
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,4 @@
 //! Episodes that end early, from playing to what is written of them.
-#![allow(clippy::unwrap_used, missing_docs)]
 
 use demosift::basics::seed::Seed;
 use demosift::data::demonstration::d4rl::{self, Episode, States};

@@ -1,5 +1,4 @@
 //! Each word of `task.toml` on a small model, and what becomes of states that cannot be simulated.
-#![allow(clippy::unwrap_used, clippy::print_stderr, missing_docs)]
 
 use demosift::basics::seed::Seed;
 use demosift::data::trajectory::{Ended, Parts, Trajectory};

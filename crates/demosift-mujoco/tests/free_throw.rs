@@ -1,15 +1,12 @@
 //! Free Throw can be thrown, by physics alone, and tells throws apart.
-#![allow(clippy::unwrap_used, missing_docs)]
 
-mod support;
-
+use crate::support::Episode;
 use demosift::basics::seed::Seed;
 use demosift::world::environment::{EnvVariant, Specification, Task};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
 use mujoco_rs::prelude::MjModel;
 use rand::RngExt;
-use support::Episode;
 
 /// The throwers, the taller one second.
 const BODIES: [&str; 2] = ["free_throw", "free_throw_taller"];
@@ -20,7 +17,7 @@ const ACTIONS: usize = 21;
 const THROW: [[f32; 4]; 3] = [[1.0, -0.43, 1.0, 0.55], [1.0, 0.28, 0.77, 0.0], [-0.4, -0.2, 1.0, -0.83]];
 
 fn play(task: &MujocoTask, seed: u64, mut act: impl FnMut(usize, &mut [f32])) -> Episode {
-    support::play(task, EnvVariant(0), seed, |_, step, action| act(step, action))
+    crate::support::play(task, EnvVariant(0), seed, |_, step, action| act(step, action))
 }
 
 /// The scripted throw with all its torques times `strength`.

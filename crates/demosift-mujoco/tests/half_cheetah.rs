@@ -1,5 +1,4 @@
 //! HalfCheetah steps as Gymnasium's does.
-#![allow(clippy::unwrap_used, clippy::print_stderr, missing_docs)]
 
 use demosift::basics::seed::Seed;
 use demosift::math::rows::Rows;

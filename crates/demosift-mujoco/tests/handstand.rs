@@ -1,13 +1,10 @@
 //! A handstand can be kept, by feedback and not by standing still, and the heuristic tells how long it was.
-#![allow(clippy::unwrap_used, missing_docs)]
 
-mod support;
-
+use crate::support::Episode;
 use demosift::math::rows::Rows;
 use demosift::world::environment::{EnvVariant, Task};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
-use support::Episode;
 
 const HORIZON: usize = 120;
 const EPISODES: u64 = 20;
@@ -28,7 +25,7 @@ fn play(task: &MujocoTask, seed: u64, mut act: impl FnMut(&[f64], &[f64]) -> [f6
     let id = |name: &str| task.model().mujoco().actuator(name).unwrap().id;
     let actuators =
         ["shoulder_y", "elbow"].map(|joint| ["right", "left"].map(|side| id(&format!("{side}_{joint}"))));
-    support::play(task, EnvVariant(0), seed, |environment, _, action| {
+    crate::support::play(task, EnvVariant(0), seed, |environment, _, action| {
         for (sides, value) in actuators.iter().zip(act(environment.qpos(), environment.qvel())) {
             sides.iter().for_each(|at| action[*at] = value as f32);
         }

@@ -1,15 +1,12 @@
 //! Martial Arts can be won, by physics alone, and tells kicks apart.
-#![allow(clippy::unwrap_used, missing_docs)]
 
-mod support;
-
+use crate::support::Episode;
 use demosift::basics::seed::Seed;
 use demosift::math::rows::Rows;
 use demosift::world::environment::{EnvVariant, Task};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
 use rand::RngExt;
-use support::Episode;
 
 const HORIZON: usize = 60;
 const ACTIONS: usize = 21;
@@ -33,7 +30,7 @@ const KICK: [[f32; 8]; 4] = [
 ];
 
 fn play(task: &MujocoTask, seed: u64, mut act: impl FnMut(usize, &mut [f32])) -> Episode {
-    support::play(task, EnvVariant(0), seed, |_, step, action| act(step, action))
+    crate::support::play(task, EnvVariant(0), seed, |_, step, action| act(step, action))
 }
 
 /// The scripted kick with all its angles times `strength`.

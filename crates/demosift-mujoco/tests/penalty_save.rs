@@ -1,21 +1,18 @@
 //! Penalty Save can be played, by physics alone, and tells saves from goals.
-#![allow(clippy::unwrap_used, missing_docs)]
 
-mod support;
-
+use crate::support::Episode;
 use demosift::basics::seed::Seed;
 use demosift::world::environment::{EnvVariant, Environment, Task};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
 use rand::RngExt;
-use support::Episode;
 
 const HORIZON: usize = 60;
 const ACTIONS: usize = 8;
 
 fn play(task: &MujocoTask, shot: &str, seed: u64, mut act: impl FnMut(usize, &mut [f32])) -> Episode {
     let shot = task.specification().variants.iter().position(|name| name == shot).unwrap();
-    support::play(task, EnvVariant(shot), seed, |_, step, action| act(step, action))
+    crate::support::play(task, EnvVariant(shot), seed, |_, step, action| act(step, action))
 }
 
 /// The torques of hip and knee of the two legs on each side, for ten control steps from `start` on.

@@ -1,5 +1,4 @@
 //! Pictures. A test binary of its own with one test, since OpenGL wants one thread.
-#![allow(clippy::unwrap_used, clippy::print_stderr, missing_docs)]
 
 use demosift::basics::seed::Seed;
 use demosift::world::environment::{EnvVariant, Environment};

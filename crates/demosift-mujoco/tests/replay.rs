@@ -1,5 +1,4 @@
 //! What a replay measures is what was measured when the episode was recorded.
-#![allow(clippy::unwrap_used, clippy::print_stderr, missing_docs)]
 
 use std::path::{Path, PathBuf};
 

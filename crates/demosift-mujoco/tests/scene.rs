@@ -1,7 +1,5 @@
 //! What a viewer is told of a task, against what the state itself says.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-
 use demosift::basics::seed::Seed;
 use demosift::data::trajectory::StateLog;
 use demosift::world::environment::{EnvVariant, Environment as _, Task as _};

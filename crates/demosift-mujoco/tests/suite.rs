@@ -4,7 +4,6 @@
 //!
 //! The numbers of HalfCheetah and Walker2d are Gymnasium's, so that returns can be compared. Their control steps and episodes
 //! are therefore not those of the sports, and a test of its own holds each to its reference.
-#![allow(clippy::unwrap_used, missing_docs)]
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 

@@ -1,5 +1,4 @@
 //! What a user can get wrong in a task, and what they are told.
-#![allow(clippy::unwrap_used, missing_docs)]
 
 use demosift::Error;
 use demosift_mujoco::mujoco_task::MujocoTask;

@@ -1,5 +1,4 @@
 //! Sets whose numbers are not what the task takes: what is wrong is named, and the set.toml that is proposed mends it.
-#![allow(clippy::unwrap_used, clippy::print_stderr, missing_docs)]
 
 use demosift::basics::seed::Seed;
 use demosift::data::demonstration::Demonstration;

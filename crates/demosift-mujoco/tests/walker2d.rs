@@ -1,5 +1,4 @@
 //! Walker2d steps, and ends, as Gymnasium's does.
-#![allow(clippy::unwrap_used, clippy::print_stderr, missing_docs)]
 
 use demosift::basics::seed::Seed;
 use demosift::math::rows::Rows;

@@ -1,7 +1,4 @@
 //! Behavioral cloning as the inner update, and exact meta-gradients, through the whole flow on the point mass.
-#![allow(clippy::unwrap_used)]
-
-mod fixtures;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -25,7 +22,7 @@ use demosift::world::point_mass::{PointMass, planted_set};
 use demosift::world::policy::PolicyShape;
 use demosift::world::rollout::Playground;
 
-use fixtures::Killed;
+use crate::fixtures::Killed;
 
 /// Everything by behavioral cloning, with the exact meta-gradient.
 fn cloning(seed: u64) -> Config {

@@ -1,5 +1,4 @@
 //! What a forecast counts is what a run then plays, to the step; and it keeps nothing and plays the same by any clock.
-#![allow(clippy::unwrap_used)]
 
 use std::collections::BTreeMap;
 

@@ -1,8 +1,6 @@
 //! Files that other tools wrote (`formats/make.py`, `docs/formats.md`) are read, damaged ones are refused, and what is written is
 //! read again.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,4 @@
 //! The paper's methods on the point mass: what they spend, and what the selection by weights makes of a planted set.
-#![allow(clippy::unwrap_used)]
-
-mod fixtures;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -25,7 +22,7 @@ use demosift::world::point_mass::{PointMass, planted_set};
 use demosift::world::policy::PolicyShape;
 use demosift::world::rollout::Playground;
 
-use fixtures::Killed;
+use crate::fixtures::Killed;
 
 /// Steps of an episode of the point mass.
 const HORIZON: u64 = 30;

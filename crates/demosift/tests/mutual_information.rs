@@ -1,5 +1,4 @@
 //! Mutual information on the point mass: the posterior comes to tell by the change of behavior what was imitated.
-#![allow(clippy::unwrap_used)]
 
 use demosift::basics::observer::{Event, Observer};
 use demosift::basics::seed::Seed;

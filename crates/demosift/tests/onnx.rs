@@ -1,9 +1,5 @@
 //! A policy written as ONNX does in onnxruntime what it does here.
 
-#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a failed unwrap is a failed test")]
-
-mod onnxruntime;
-
 use demosift::basics::seed::{Rng, Seed};
 use demosift::data::observation_filter::ObservationFilter;
 use demosift::results::artifact::onnx;
@@ -57,7 +53,7 @@ fn observations(policy: &Policy, seed: Seed) -> Vec<f32> {
 
 #[test]
 fn onnxruntime_plays_what_we_play() {
-    let Some(packages) = onnxruntime::packages() else { return };
+    let Some(packages) = crate::onnxruntime::packages() else { return };
     let uneven: Vec<[f64; 2]> = (1..=21).map(|n| [-0.1 * f64::from(n), 40.0 + f64::from(n)]).collect();
     let cases = [
         ("free_throw", task(55, uneven), vec![32, 32], 0.15),
@@ -69,7 +65,7 @@ fn onnxruntime_plays_what_we_play() {
         let policy = policy(&task, &hidden, spread, Seed::new(1).of(name));
         let observations = observations(&policy, Seed::new(2).of(name));
         let [actions, controls] =
-            onnxruntime::played(&packages, name, &onnx::write_policy(&policy, &task), &observations);
+            crate::onnxruntime::played(&packages, name, &onnx::write_policy(&policy, &task), &observations);
         let (mut worst, mut clipped, mut player) = (0.0_f32, 0, Player::new(&policy));
         let mut mean = vec![0.0; task.action_size];
         for (row, (observation, (actions, controls))) in observations

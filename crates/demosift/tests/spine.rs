@@ -1,7 +1,4 @@
 //! The whole flow on the point mass: good demonstrations come first, whatever the order, the threads and the kills.
-#![allow(clippy::unwrap_used)]
-
-mod fixtures;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -30,7 +27,7 @@ use demosift::world::point_mass::{PointMass, planted_set};
 use demosift::world::policy::PolicyShape;
 use demosift::world::rollout::Playground;
 
-use fixtures::Killed;
+use crate::fixtures::Killed;
 
 /// Small enough for a test, large enough to rank.
 fn small(seed: u64) -> Config {

@@ -359,6 +359,28 @@ fn in_judging(line: &str) -> (Vec<Source>, String) {
 }
 
 #[test]
+fn all_test_files_are_named() {
+    tidy(rules::test_files_are_named(&crates()));
+}
+
+#[test]
+fn all_test_files_are_named_catches() {
+    let planted = |name: &str, text: &str| Source::new(&format!("crates/new/tests/{name}.rs"), text);
+    let files = [
+        planted("main", "mod one;\n// mod two;\nmod support;"),
+        planted("one", ""),
+        planted("two", ""),
+        planted("support/mod", ""),
+        // Without main.rs each file is a program, which cargo finds.
+        Source::new("crates/other/tests/three.rs", ""),
+    ];
+    caught(&rules::test_files_are_named(&files), &["crates/new/tests/two.rs:1"]);
+    let mut tests = crates();
+    tests.push(Source::new("crates/demosift-cli/tests/planted.rs", ""));
+    caught(&rules::test_files_are_named(&tests), &["crates/demosift-cli/tests/planted.rs:1"]);
+}
+
+#[test]
 fn only_the_terminal_prints() {
     tidy(rules::only_the_terminal_prints(&crates()));
 }

@@ -298,3 +298,22 @@ fn forbidden_words<'a>(
     }
     violations
 }
+
+/// Where `tests/main.rs` makes one program of a package's tests, it names each file: cargo looks for no other.
+pub(crate) fn test_files_are_named(sources: &[Source]) -> Vec<Violation> {
+    let mains = sources.iter().filter_map(|main| Some((main.path.strip_suffix("main.rs")?, main)));
+    let mains = mains.filter(|(folder, _)| folder.ends_with("/tests/"));
+    let unnamed = mains.flat_map(|(folder, main)| {
+        let files = sources.iter().filter_map(move |file| {
+            let name = file.path.strip_prefix(folder)?.strip_suffix(".rs")?;
+            (!name.contains('/') && name != "main").then_some((file, name))
+        });
+        files.filter(|(_, name)| !main.code.contains(&format!("mod {name};")))
+    });
+    unnamed
+        .map(|(file, name)| {
+            let message = format!("its tests do not run: main.rs beside it has no `mod {name};`");
+            Violation::new(&file.path, 1, "tests", message)
+        })
+        .collect()
+}

@@ -1,11 +1,9 @@
 //! Runs the command as a user would, in a folder of its own.
 
-#![allow(dead_code, reason = "each test file compiles this for itself and uses what it needs")]
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use demosift::basics::seal;
 use demosift::basics::seed::Seed;
@@ -53,7 +51,11 @@ pub(crate) struct Scratch(pub(crate) PathBuf);
 impl Scratch {
     /// With four demonstrations of the point mass in `set/`, and [`TINY`] in `tiny.toml`.
     pub(crate) fn new(name: &str) -> Self {
-        let folder = std::env::temp_dir().join(format!("demosift-cli-{}-{name}", std::process::id()));
+        // Tests of two files may take the same name.
+        static COUNT: AtomicUsize = AtomicUsize::new(0);
+        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        let folder =
+            std::env::temp_dir().join(format!("demosift-cli-{}-{number}-{name}", std::process::id()));
         let _ = std::fs::remove_dir_all(&folder);
         std::fs::create_dir_all(folder.join("set")).unwrap();
         std::fs::write(folder.join("tiny.toml"), TINY).unwrap();

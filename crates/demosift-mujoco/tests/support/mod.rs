@@ -1,8 +1,5 @@
 //! Episodes that are scripted, and their results.
 
-#![allow(dead_code, reason = "each test file compiles this for itself and uses what it needs")]
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-
 use demosift::basics::seed::Seed;
 use demosift::math::rows::Rows;
 use demosift::world::environment::{EnvVariant, Environment, Task};

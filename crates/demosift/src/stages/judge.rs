@@ -422,24 +422,27 @@ fn finish(
 
 /// The units as a table.
 fn assemble(trial: &Trial<'_>, state: &JudgingState) -> Judged {
+    // Of each demonstration in the order of the repeats, as they are sorted.
+    let mut found: BTreeMap<(EnvVariant, Option<DemoId>), Vec<&Outcome>> = BTreeMap::new();
+    for (unit, outcome) in &state.finished {
+        found.entry((unit.variant, unit.demo)).or_default().push(outcome);
+    }
+    let under = |variant, demo| found.get(&(variant, demo)).map_or(&[][..], Vec::as_slice);
     let mut judged = Judged::default();
     for variant in trial.playground.specification().variant_ids() {
-        let under = |demo: Option<DemoId>| {
-            let finished = state.finished.iter();
-            finished.filter(move |(unit, _)| unit.variant == variant && unit.demo == demo).map(|(_, out)| out)
-        };
-        let before: Vec<Vec<Score>> = under(None).map(|outcome| outcome.scores.clone()).collect();
+        let before: Vec<Vec<Score>> =
+            under(variant, None).iter().map(|outcome| outcome.scores.clone()).collect();
         for demo in trial.set.ids() {
-            let of_demo = || under(Some(demo));
+            let of_demo = under(variant, Some(demo));
             judged.scores.suitabilities.push(Suitability {
                 demo,
                 variant,
                 before: before.clone(),
-                after: of_demo().map(|outcome| outcome.scores.clone()).collect(),
-                distances: of_demo().map(|outcome| outcome.distance).collect(),
-                curves: of_demo().map(|outcome| outcome.curve.clone()).collect(),
+                after: of_demo.iter().map(|outcome| outcome.scores.clone()).collect(),
+                distances: of_demo.iter().map(|outcome| outcome.distance).collect(),
+                curves: of_demo.iter().map(|outcome| outcome.curve.clone()).collect(),
             });
-            let policy = of_demo().find_map(|outcome| outcome.policy.clone());
+            let policy = of_demo.iter().find_map(|outcome| outcome.policy.clone());
             let policy = policy.expect("the first repeat keeps its policy");
             judged.adapted.push(AdaptedPolicy { demo, variant, policy });
         }

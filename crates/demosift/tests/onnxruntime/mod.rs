@@ -1,7 +1,5 @@
 //! Plays policies in onnxruntime, if there is one; the tests of the command use this too.
 
-#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a failed unwrap is a failed test")]
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

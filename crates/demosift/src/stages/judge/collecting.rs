@@ -1,5 +1,7 @@
 //! Outcomes of units as they come: put into the state, told in the order of the units, and stored.
 
+use std::collections::BTreeSet;
+
 use super::unit::{Outcome, Unit};
 use super::{JudgingState, STAGE};
 use crate::basics::error::Result;
@@ -18,6 +20,8 @@ const STEPS_PER_WRITTEN_UNIT: u64 = 30;
 pub(super) struct Collecting<'a> {
     part: &'a str,
     units: &'a [Unit],
+    /// Those of them that are not finished.
+    missing: BTreeSet<Unit>,
     told: usize,
     /// Units in the last checkpoint.
     stored: usize,
@@ -35,19 +39,20 @@ impl<'a> Collecting<'a> {
         observer: &'a mut dyn Observer,
     ) -> Result<Self> {
         let stored = state.done();
-        let mut collecting = Self { part, units, told: 0, stored, played: 0, state, observer };
+        let missing = units.iter().filter(|unit| !state.finished.contains_key(unit)).copied().collect();
+        let mut collecting = Self { part, units, missing, told: 0, stored, played: 0, state, observer };
         collecting.tell()?;
         Ok(collecting)
     }
 
     /// The units that are not finished, in their order.
     pub(super) fn missing(&self) -> Vec<Unit> {
-        self.units.iter().filter(|unit| !self.state.finished.contains_key(unit)).copied().collect()
+        self.units.iter().filter(|unit| self.missing.contains(unit)).copied().collect()
     }
 
     /// Takes in an outcome; one of a unit that is finished, or that nobody asked for, changes nothing.
     pub(super) fn take(&mut self, unit: Unit, outcome: Outcome) -> Result<()> {
-        if self.state.finished.contains_key(&unit) || !self.units.contains(&unit) {
+        if !self.missing.remove(&unit) {
             return Ok(());
         }
         self.played += outcome.played;

@@ -133,6 +133,17 @@ impl Crew for Forgetful {
     }
 }
 
+/// Hands in a unit that nobody asked for before those that it was asked for.
+struct Officious;
+
+impl Crew for Officious {
+    fn judge(&self, units: &[Unit], one: &JudgeUnit<'_>, hand_in: &mut HandIn<'_>) -> Result<()> {
+        let unasked = Unit { repeat: 99, ..units[0] };
+        hand_in(unasked, one(&unasked)?)?;
+        Threads.judge(units, one, hand_in)
+    }
+}
+
 #[test]
 fn algorithm_2_what_comes_out_does_not_depend_on_who_judges() {
     with_trial(|trial| {
@@ -143,6 +154,7 @@ fn algorithm_2_what_comes_out_does_not_depend_on_who_judges() {
         assert_eq!(came(trial, &Backwards), wanted);
         assert_eq!(came(trial, &TwiceAndOneIsLost), wanted);
         assert_eq!(came(trial, &Forgetful), wanted);
+        assert_eq!(came(trial, &Officious), wanted);
         let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
         assert_eq!(alone.install(|| came(trial, &Threads)), wanted);
     });
