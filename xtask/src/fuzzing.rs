@@ -1,7 +1,7 @@
 //! `cargo xtask fuzz`: each target of `fuzz/` for a minute, by the pinned compiler and without other tools.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::Failure;
@@ -14,45 +14,88 @@ const FLAGS: &str = "-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-leve
 /// Named, so that scripts of builds, which run here, are not compiled with these flags.
 const TARGET: &str = "x86_64-unknown-linux-gnu";
 
-/// Each target with a file to begin from, below the tests of formats or of the targets.
-const SEEDS: [(&str, &str); 12] = [
-    ("robomimic", "crates/demosift/tests/formats/robomimic.hdf5"),
-    ("d4rl", "data/free_throw_8/demonstrations.hdf5"),
-    ("minari_hdf5", "crates/demosift/tests/formats/minari_hdf5/data/main_data.hdf5"),
-    ("baselines_npz", "crates/demosift/tests/formats/baselines.npz"),
-    ("imitation_npz", "crates/demosift/tests/formats/imitation.npz"),
-    ("lerobot_v3", "crates/demosift/tests/formats/lerobot_v3/data/chunk-000/file-000.parquet"),
-    ("lerobot_v2", "crates/demosift/tests/formats/lerobot_v2/data/chunk-000/episode_000001.parquet"),
-    ("minari_parquet", "crates/demosift/tests/formats/minari_parquet/data/1/part-0.parquet"),
-    ("lerobot_info", "crates/demosift/tests/formats/lerobot_v3/meta/info.json"),
-    ("minari_metadata", "crates/demosift/tests/formats/minari_parquet/data/metadata.json"),
-    ("results", "fuzz/seeds/ranking.json"),
-    ("edits", "crates/demosift/tests/formats/robomimic.hdf5"),
-];
+/// Of memory in MB and time in seconds for one input, and of an input in bytes.
+const LIMITS: [&str; 4] = ["-rss_limit_mb=1024", "-timeout=10", "-max_len=60000", "-print_final_stats=1"];
 
-/// Builds the targets and runs each for so many seconds, in a folder of its own below `target/fuzz`.
-pub(crate) fn run(root: &Path, seconds: &str) -> Result<(), Failure> {
+/// Which targets, and for how long each.
+struct Asked {
+    seconds: String,
+    targets: Vec<String>,
+}
+
+/// Builds the targets and runs those that are asked for, all if none is, in a folder below `target/fuzz`.
+pub(crate) fn run(root: &Path, options: &[&str]) -> Result<(), Failure> {
+    let Asked { seconds, targets } = asked(root, options)?;
     let built = root.join("target/fuzz");
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let arguments = ["build", "--release", "--manifest-path", "fuzz/Cargo.toml", "--target", TARGET];
+    let package =
+        ["build", "--release", "--package", "demosift-fuzz", "--features", "fuzzing", "--bin", "fuzz"];
     done(
         Command::new(cargo)
-            .args(arguments)
+            .args(package)
+            .args(["--target", TARGET])
             .current_dir(root)
             .env("CARGO_TARGET_DIR", &built)
             .env("RUSTFLAGS", FLAGS),
     )?;
-    for (target, seed) in SEEDS {
-        let corpus = built.join("corpus").join(target);
-        fs::create_dir_all(&corpus)
-            .and_then(|()| fs::copy(root.join(seed), corpus.join("seed")))
-            .map_err(|error| format!("cannot copy {seed}: {error}"))?;
+    for target in targets {
+        let corpus = corpus(root, &built, &target)
+            .map_err(|error| format!("cannot copy the seeds of {target}: {error}"))?;
         println!("\n{target}");
-        let limits = ["-rss_limit_mb=1024", "-timeout=10", "-max_len=60000", "-print_final_stats=1"];
-        let binary = built.join(TARGET).join("release").join(target);
-        done(Command::new(binary).arg(&corpus).args(limits).arg(format!("-max_total_time={seconds}")))?;
+        // What is found lies in the folder of the target, beside its corpus.
+        let binary = built.join(TARGET).join("release/fuzz");
+        let limits = LIMITS.map(str::to_owned).into_iter().chain([format!("-max_total_time={seconds}")]);
+        done(
+            Command::new(binary)
+                .arg("corpus")
+                .args(limits)
+                .current_dir(&corpus)
+                .env("DEMOSIFT_FUZZ", &target),
+        )?;
     }
     Ok(())
+}
+
+/// `[--seconds N] [TARGET …]`; a target is a folder of `fuzz/seeds`.
+fn asked(root: &Path, options: &[&str]) -> Result<Asked, Failure> {
+    let known = targets(root).map_err(|error| format!("cannot list fuzz/seeds: {error}"))?;
+    let (seconds, named) = match options {
+        ["--seconds", seconds, named @ ..] => (*seconds, named),
+        named => ("60", named),
+    };
+    if let Some(unknown) = named.iter().find(|name| !known.iter().any(|known| known == *name)) {
+        let message = format!("error: there is no target '{unknown}'; there are: {}", known.join(", "));
+        return Err(Failure { message, code: 2 });
+    }
+    if seconds.parse::<u32>().is_err() {
+        return Err(Failure {
+            message: format!("error: --seconds {seconds}: wanted a whole number"),
+            code: 2,
+        });
+    }
+    let targets = if named.is_empty() { known } else { named.iter().map(ToString::to_string).collect() };
+    Ok(Asked { seconds: seconds.to_owned(), targets })
+}
+
+fn targets(root: &Path) -> std::io::Result<Vec<String>> {
+    let folders = fs::read_dir(root.join("fuzz/seeds"))?;
+    let mut names = folders
+        .map(|folder| Ok(folder?.file_name().to_string_lossy().into_owned()))
+        .collect::<std::io::Result<Vec<String>>>()?;
+    names.sort();
+    Ok(names)
+}
+
+/// The folder of a target, with what it begins from in `corpus`, beside what earlier runs have put there.
+fn corpus(root: &Path, built: &Path, target: &str) -> std::io::Result<PathBuf> {
+    let folder = built.join("found").join(target);
+    let corpus = folder.join("corpus");
+    fs::create_dir_all(&corpus)?;
+    for seed in fs::read_dir(root.join("fuzz/seeds").join(target))? {
+        let seed = seed?;
+        fs::copy(seed.path(), corpus.join(seed.file_name()))?;
+    }
+    Ok(folder)
 }
 
 fn done(command: &mut Command) -> Result<(), Failure> {
@@ -62,5 +105,25 @@ fn done(command: &mut Command) -> Result<(), Failure> {
         Ok(())
     } else {
         Err(Failure { message: format!("error: {shown} failed"), code: 1 })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn targets_are_chosen_by_name() {
+        let root = crate::checkout();
+        let all = asked(&root, &[]).ok().expect("all");
+        assert!(all.seconds == "60" && all.targets.len() > 20, "{:?}", all.targets);
+        let two = asked(&root, &["--seconds", "5", "tasks", "d4rl"]).ok().expect("two");
+        assert_eq!((two.seconds.as_str(), two.targets), ("5", vec!["tasks".to_owned(), "d4rl".to_owned()]));
+        for (wrong, said) in
+            [(&["nothing"][..], "there are: aloha, "), (&["--seconds", "soon"], "whole number")]
+        {
+            let failure = asked(&root, wrong).err().expect("wrong");
+            assert!(failure.code == 2 && failure.message.contains(said), "{}", failure.message);
+        }
     }
 }

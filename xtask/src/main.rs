@@ -23,7 +23,8 @@ usage: cargo xtask COMMAND
   install [--root DIR] [--debug]
           setup; put the command and its MuJoCo where they work without this checkout: DIR/bin and DIR/lib/demosift;
           DIR is cargo's own folder if it is not given
-  fuzz    run each target of fuzz/ for a minute
+  fuzz [--seconds N] [TARGET...]
+          setup; run each target of fuzz/ for a minute, or those that are named
   torture setup; build, then kill, break and crowd runs, with --full for hours
   taller  make the taller thrower of Free Throw anew from the thrower";
 
@@ -52,7 +53,7 @@ fn main() -> ExitCode {
         ["demo"] => set_up(&root).and_then(|()| steps::demo(&root)),
         ["bench"] => set_up(&root).and_then(|()| steps::bench(&root)),
         ["install", ref rest @ ..] => set_up(&root).and_then(|()| install::install(&root, rest)),
-        ["fuzz"] => fuzzing::run(&root, "60"),
+        ["fuzz", ref options @ ..] => set_up(&root).and_then(|()| fuzzing::run(&root, options)),
         ["torture", ref options @ ..] => set_up(&root).and_then(|()| steps::torture(&root, options)),
         ["taller"] => taller::write(&root).map_err(Failure::from),
         ["help" | "--help" | "-h"] => {

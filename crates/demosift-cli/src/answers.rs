@@ -12,7 +12,7 @@ use demosift::results::gain::Gain;
 use demosift::results::panel::{self, Disagreement, Opinion, Panel, Vote};
 use demosift::results::report::Report;
 use demosift::results::standing::Standing;
-use demosift::results::uncertainty::Uncertainty;
+use demosift::results::uncertainty::{Top, Uncertainty};
 use demosift::run::experiment::Selection;
 use demosift::run::forecast::Forecast;
 use demosift::run::study::Study;
@@ -82,6 +82,7 @@ pub(crate) struct Sift<'a> {
 pub(crate) struct Select<'a> {
     ranking: &'a [Ranked],
     uncertainty: &'a Uncertainty,
+    best: Option<Top>,
     caveat: Option<String>,
     kept: &'a [DemoId],
     weighing: Option<&'a Weighing>,
@@ -94,6 +95,7 @@ impl<'a> Select<'a> {
         Self {
             ranking: &ranking.entries,
             uncertainty,
+            best: uncertainty.top(subset.demos.len()),
             caveat: uncertainty.caveat(),
             kept: &subset.demos,
             weighing,
@@ -180,11 +182,13 @@ pub(crate) struct OfJudge<'a> {
     scores: &'a ScoreTable,
     adapted_behaviors_distance: f64,
     uncertainty: &'a Uncertainty,
+    best: Option<Top>,
     caveat: Option<String>,
 }
 
 impl<'a> OfJudge<'a> {
-    pub(crate) fn new(opinion: &'a Opinion, scores: &'a ScoreTable) -> Self {
+    /// `k` is how many of the best are asked about.
+    pub(crate) fn new(opinion: &'a Opinion, scores: &'a ScoreTable, k: usize) -> Self {
         Self {
             judge: opinion.judge,
             vote: opinion.vote,
@@ -192,6 +196,7 @@ impl<'a> OfJudge<'a> {
             scores,
             adapted_behaviors_distance: scores.adapted_behaviors_distance(),
             uncertainty: &opinion.uncertainty,
+            best: opinion.uncertainty.top(k),
             caveat: opinion.uncertainty.caveat(),
         }
     }

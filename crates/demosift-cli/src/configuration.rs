@@ -50,8 +50,7 @@ impl Layer {
         if !path.exists() {
             return Err(Error::bad_input("the configuration file does not exist").at(path));
         }
-        let text = String::from_utf8(files::read(path)?)
-            .map_err(|_| Error::bad_input("the configuration is not text in UTF-8").at(path))?;
+        let text = files::read_text(path, "the configuration")?;
         Self::from_text(&path.display().to_string(), &text)
     }
 

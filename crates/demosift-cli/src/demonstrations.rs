@@ -39,6 +39,16 @@ pub(crate) struct Said {
     pub(crate) place: PathBuf,
 }
 
+impl Said {
+    /// The same in sentences, for a set that holds these episodes.
+    pub(crate) fn in_words(&self, source: &Source) -> Vec<String> {
+        let usual = source.episodes.iter().find(|one| one.actions.width() > 0);
+        let sizes = usual.map(|one| (one.observations.width(), one.actions.width()));
+        let (observed, acted) = sizes.unwrap_or_default();
+        self.set_file.in_words(observed, acted)
+    }
+}
+
 impl Demonstrations {
     /// Whether set, task and configuration fit each other.
     pub(crate) fn check(&self, playground: &Playground<'_>, config: &Config) -> Result<()> {

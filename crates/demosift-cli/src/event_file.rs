@@ -6,9 +6,9 @@
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
+use demosift::results::metrics::{self, Line};
 use demosift::results::tensorboard;
 use demosift::{Error, Result};
-use serde_json::Value;
 
 use crate::writing::{grow, open_to_grow};
 
@@ -28,10 +28,10 @@ pub(crate) struct EventFile {
 impl EventFile {
     /// Opens the file of a run folder and makes it hold the rows; what is right of it stays untouched, since a TensorBoard
     /// may be reading it.
-    pub(crate) fn open(folder: &Path, rows: &[Value]) -> Result<Self> {
+    pub(crate) fn open(folder: &Path, rows: &[Line]) -> Result<Self> {
         let path = folder.join(NAME);
         let (mut file, found) = open_to_grow(&path)?;
-        let records = rows.iter().enumerate().flat_map(|(place, row)| record(place, row));
+        let records = rows.iter().enumerate().flat_map(|(place, row)| metrics::event(place, row));
         let wanted: Vec<u8> = tensorboard::first_record().into_iter().chain(records).collect();
         let right = found.iter().zip(&wanted).take_while(|(found, wanted)| found == wanted).count();
         file.set_len(right as u64).map_err(|error| Error::io("cannot cut the events", &path, &error))?;
@@ -40,8 +40,8 @@ impl EventFile {
     }
 
     /// Appends a row.
-    pub(crate) fn append(&mut self, row: &Value) -> Result<()> {
-        let record = record(self.held, row);
+    pub(crate) fn append(&mut self, row: &Line) -> Result<()> {
+        let record = metrics::event(self.held, row);
         grow(&mut self.file, &self.path, self.length, &record)?;
         self.length += record.len() as u64;
         self.held += 1;
@@ -49,27 +49,20 @@ impl EventFile {
     }
 }
 
-fn record(place: usize, row: &Value) -> Vec<u8> {
-    let word = |key: &str| row[key].as_str().unwrap_or_default();
-    let numbers = row.as_object().into_iter().flatten();
-    let numbers = numbers.filter_map(|(name, value)| Some((name.as_str(), value.as_f64()?)));
-    let numbers = numbers.filter(|(name, _)| *name != "iteration");
-    let iteration = row["iteration"].as_u64().unwrap_or_default();
-    tensorboard::record(place, word("stage"), word("part"), iteration, numbers)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_json::json;
+    use demosift::results::metrics::Row;
 
     #[test]
     fn whatever_a_kill_left_becomes_the_file_of_all_rows() {
         let folder = std::env::temp_dir().join(format!("demosift-events-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
-        let rows: Vec<Value> = (0..5)
-            .map(|iteration| json!({ "stage": "judge", "part": "a", "iteration": iteration, "score": 0.1 }))
-            .collect();
+        let line = |iteration| {
+            let row = Row { stage: "judge".to_owned(), part: "a".to_owned(), iteration };
+            metrics::read_line(&metrics::line(&row, &[("score", 0.1)])).unwrap()
+        };
+        let rows: Vec<Line> = (0..5).map(line).collect();
         let mut file = EventFile::open(&folder, &[]).unwrap();
         rows.iter().for_each(|row| file.append(row).unwrap());
         let whole = std::fs::read(folder.join(NAME)).unwrap();

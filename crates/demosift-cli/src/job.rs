@@ -49,6 +49,8 @@ pub(crate) struct Job {
     data: Data,
     /// Episodes of the file that were not taken, in words.
     left_out: Option<String>,
+    /// What `set.toml` says of the numbers of the set, a sentence each.
+    numbers: Vec<String>,
     chosen: Chosen,
     /// The configuration as it is written down.
     values: Table,
@@ -158,6 +160,7 @@ impl Job {
     ) -> Result<Self> {
         let data = demonstrations.data()?;
         let left_out = choice::in_words(&demonstrations.source.left_out);
+        let numbers = demonstrations.said.in_words(&demonstrations.source);
         let Demonstrations { set, path, .. } = demonstrations;
         let folder = plan.open_folder(Some(data.clone()), &values, dry)?;
         let progress = match dry {
@@ -165,7 +168,7 @@ impl Job {
             false => Progress::new(MetricsFile::of(&folder.written())?),
         };
         let chosen = plan.chosen;
-        Ok(Self { set, path, data, left_out, chosen, values, config, folder, progress })
+        Ok(Self { set, path, data, left_out, numbers, chosen, values, config, folder, progress })
     }
 
     /// The same job for one of the task's several goals, in a folder of its own within that of this one; it starts from what
@@ -191,6 +194,7 @@ impl Job {
             path: self.path.clone(),
             data: self.data.clone(),
             left_out: self.left_out.clone(),
+            numbers: self.numbers.clone(),
             chosen,
             values: self.values.clone(),
             config: self.config.clone(),
@@ -259,6 +263,11 @@ impl Job {
     /// Which episodes of the set were not taken, and why.
     pub(crate) fn left_out(&self) -> Option<&str> {
         self.left_out.as_deref()
+    }
+
+    /// What `set.toml` says of the numbers of the set, a sentence each.
+    pub(crate) fn numbers_in_words(&self) -> &[String] {
+        &self.numbers
     }
 
     /// The file or folder of the set.

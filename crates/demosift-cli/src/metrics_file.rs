@@ -13,9 +13,8 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use demosift::basics::{files, seal};
+use demosift::results::metrics::{self, Measured, Row};
 use demosift::{Error, Result};
-use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
 
 use crate::event_file::EventFile;
 use crate::writing::{grow, open_to_grow, undisturbed};
@@ -23,17 +22,6 @@ use crate::writing::{grow, open_to_grow, undisturbed};
 const NAME: &str = "metrics.jsonl";
 /// What vouches for the measurements of a folder.
 pub(crate) const MEASURED: &str = "measured.json";
-
-/// Which measurement a row is: stage, part, iteration.
-type Row = (String, String, u64);
-
-/// How much of the file there was at the last checkpoint.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Measured {
-    bytes: usize,
-    metrics_sha256: String,
-}
 
 /// The measurements of a run folder, which is touched when the first is written.
 #[derive(Debug)]
@@ -79,7 +67,8 @@ impl MetricsFile {
             Some(opened) => opened,
             none => none.insert(undisturbed(|| Opened::at(&self.folder))?),
         };
-        opened.append((stage.to_owned(), part.to_owned(), iteration as u64), numbers)
+        let row = Row { stage: stage.to_owned(), part: part.to_owned(), iteration: iteration as u64 };
+        opened.append(row, numbers)
     }
 
     /// Makes sure that nothing of what was measured so far can get lost from here on.
@@ -87,7 +76,7 @@ impl MetricsFile {
         let Some(opened) = self.opened.as_mut().filter(|opened| opened.vouched != opened.text.len()) else {
             return Ok(());
         };
-        let now = Measured { bytes: opened.text.len(), metrics_sha256: files::sha256_of(&opened.text) };
+        let now = Measured::of(&opened.text);
         let synced = opened.file.sync_data().map_err(|error| files::cannot_write(&opened.path, &error));
         undisturbed(|| {
             synced.and_then(|()| files::write_atomically(&self.folder.join(MEASURED), &seal::to_json(&now)))
@@ -104,14 +93,12 @@ impl Opened {
         let measured = measured(folder)?;
         let (file, mut text) = open_to_grow(&path)?;
         check(&measured, &text).map_err(|error| error.at(&path))?;
-        let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
+        let whole = metrics::whole_lines(&text);
         text.truncate(whole);
-        let lines = String::from_utf8_lossy(&text);
-        let read = |line| row_of(line).ok_or_else(|| unreadable(line, &path));
-        let rows = lines.lines().map(read).collect::<Result<Vec<_>>>()?;
-        let (held, rows): (_, Vec<Value>) = rows.into_iter().unzip();
+        let rows = metrics::read(&text).map_err(|error| error.at(&path).with_hint(unreadable()))?;
         file.set_len(whole as u64).map_err(|error| Error::io("cannot cut the metrics", &path, &error))?;
         let events = EventFile::open(folder, &rows)?;
+        let held = rows.into_iter().map(|line| line.row).collect();
         Ok(Self { path, file, text, held, events, vouched: measured.map_or(0, |measured| measured.bytes) })
     }
 
@@ -119,16 +106,9 @@ impl Opened {
         if self.held.contains(&row) {
             return Ok(());
         }
-        let (stage, part, iteration) = &row;
-        let mut line =
-            format!("{{\"stage\":{},\"part\":{},\"iteration\":{iteration}", json!(stage), json!(part));
-        for (name, value) in numbers {
-            // JSON knows no NaN; what was not measured becomes null.
-            line += &format!(",{}:{}", json!(name), json!(value));
-        }
-        line += "}\n";
+        let line = metrics::line(&row, numbers);
         // Read back, so that a row is the same event now and when the run goes on.
-        let (_, event) = row_of(&line).expect("the line was made just now");
+        let event = metrics::read_line(&line).expect("the line was made just now");
         undisturbed(|| {
             let length = self.text.len() as u64;
             grow(&mut self.file, &self.path, length, line.as_bytes())?;
@@ -162,12 +142,12 @@ fn measured(folder: &Path) -> Result<Option<Measured>> {
 
 /// Whether a text begins with all that was vouched for.
 fn check(measured: &Option<Measured>, text: &[u8]) -> Result<()> {
-    let Some(Measured { bytes, metrics_sha256 }) = measured else { return Ok(()) };
-    if text.get(..*bytes).is_some_and(|before| files::sha256_of(before) == *metrics_sha256) {
+    let Some(measured) = measured.as_ref().filter(|measured| !measured.vouches_for(text)) else {
         return Ok(());
-    }
+    };
     Err(Error::bad_input(format!(
-        "measurements are missing or are not as they were written: of {bytes} bytes there are {}",
+        "measurements are missing or are not as they were written: of {} bytes there are {}",
+        measured.bytes,
         text.len()
     ))
     .with_hint(format!(
@@ -175,17 +155,8 @@ fn check(measured: &Option<Measured>, text: &[u8]) -> Result<()> {
     )))
 }
 
-/// A line as which measurement it is, and as all that it says.
-fn row_of(line: &str) -> Option<(Row, Value)> {
-    let row: Value = serde_json::from_str(line).ok()?;
-    let name = |key: &str| row[key].as_str().map(str::to_owned);
-    Some(((name("stage")?, name("part")?, row["iteration"].as_u64()?), row))
-}
-
-fn unreadable(line: &str, path: &Path) -> Error {
-    Error::bad_input(format!("a line of the metrics is not one of ours: {line}"))
-        .at(path)
-        .with_hint(format!("delete the file and {MEASURED}; it is written again as far as the run goes on"))
+fn unreadable() -> String {
+    format!("delete the file and {MEASURED}; it is written again as far as the run goes on")
 }
 
 #[cfg(test)]

@@ -15,6 +15,7 @@ mod guides;
 mod gymnasium;
 #[path = "../../demosift/tests/onnxruntime/mod.rs"]
 mod onnxruntime;
+mod parts;
 mod physics;
 mod play;
 mod policies;

@@ -1,14 +1,10 @@
 //! Parts of a run: machines that share its folder do every n-th piece each, and the whole finds the same bits.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
-
-mod support;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::process::Stdio;
 
-use support::Scratch;
+use crate::support::{self, Scratch};
 
 const TASK: &str = "--task point_mass --config tiny.toml";
 

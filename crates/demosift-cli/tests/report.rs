@@ -3,8 +3,11 @@
 use std::path::Path;
 use std::process::Command;
 
-use crate::support::{Scratch, in_repository};
+use demosift::basics::seed::Seed;
+use demosift::world::point_mass;
 use serde_json::Value;
+
+use crate::support::{Scratch, in_repository, write_set};
 
 const POINT_MASS: &str = "--task point_mass --config tiny.toml";
 
@@ -26,7 +29,7 @@ setTimeout(() => {
   }
   const found = {
     errors: window.complaints, rows: document.querySelectorAll('#places tbody tr, #looks tbody tr').length, quarters,
-    images: document.images.length, charts: document.querySelectorAll('section svg').length,
+    images: document.images.length, said: document.querySelectorAll('#numbers li').length, charts: document.querySelectorAll('section svg').length,
     wide: document.documentElement.scrollWidth > innerWidth, title: document.title,
     sections: [...document.querySelectorAll('section')].filter((one) => one.textContent).map((one) => one.id),
   };
@@ -217,6 +220,7 @@ fn the_look_at_a_set_is_a_page_with_the_oddest_first() {
     assert!(String::from_utf8(output.stderr).unwrap().contains("something else of this name"));
     assert_eq!(scratch.files(".")["notes.txt"], b"mine");
 
+    std::fs::write(scratch.0.join("<b>reaches.set.toml"), "rate = 20").unwrap();
     scratch.succeed("inspect <b>reaches.hdf5 --html looks.html");
     for window in ["1200,900", "400,900"] {
         let Some(seen) = looked_at(&scratch, "looks.html", window) else { return };
@@ -224,7 +228,40 @@ fn the_look_at_a_set_is_a_page_with_the_oddest_first() {
         assert_eq!((&seen["rows"], &seen["wide"]), (&Value::from(10), &Value::from(false)), "{seen}");
         assert_eq!(seen["sections"], Value::from(vec!["spread", "episodes", "meaning"]));
         assert!(seen["charts"].as_u64().unwrap() >= 5, "{seen}");
+        assert_eq!(seen["said"], 1, "what set.toml says: {seen}");
     }
+}
+
+/// Twice as many demonstrations may take twice the room, and no file four times.
+#[test]
+fn a_run_folder_grows_with_the_set_and_not_with_its_square() {
+    let scratch = Scratch::new("growth");
+    let cheap = "[cloning_judge.judging]\niterations = 1\naveraged = 1\nevaluations = 2\nrepeats = 2\nmost_repeats = 2\n";
+    std::fs::write(scratch.0.join("cheap.toml"), cheap).unwrap();
+    let run = |count: usize| {
+        let bearings: Vec<f32> = (0..count).map(|demo| (demo * 37 % 180) as f32).collect();
+        let set = point_mass::planted_set(&bearings, Seed::new(3)).unwrap();
+        write_set(&scratch.0.join("set/demonstrations.hdf5"), &set);
+        let json = scratch.succeed(&format!(
+            "sift set --task point_mass --config cheap.toml --judge cloning --referee none --json --out run_{count}"
+        ));
+        let mut sizes: Vec<(String, usize)> = scratch
+            .files(&format!("run_{count}"))
+            .into_iter()
+            .map(|(name, bytes)| (name, bytes.len()))
+            .collect();
+        sizes.push(("--json".to_owned(), json.len()));
+        sizes
+    };
+    let [few, many] = [100, 200].map(run);
+    let names = |sizes: &[(String, usize)]| sizes.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&few), names(&many));
+    for ((name, few), (_, many)) in few.iter().zip(&many) {
+        // A rank or an index of three digits takes a digit more.
+        assert!(*many < few * 22 / 10 + 1000, "{name}: {few} bytes of 100 demonstrations, {many} of 200");
+    }
+    let of = |name: &str| many.iter().find(|(of, _)| of == name).unwrap().1;
+    assert!(of("panel.json") < 200 * 500 && of("uncertainty.json") < 200 * 300, "{many:?}");
 }
 
 #[test]

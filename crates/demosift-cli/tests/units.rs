@@ -147,6 +147,14 @@ fn both_sets_then_give_the_same_ranking_and_the_run_remembers_what_was_said() {
     let run: Value =
         serde_json::from_slice(&std::fs::read(scratch.0.join("rad_run/run.json")).unwrap()).unwrap();
     assert_eq!(run["data"]["set_file"]["actions"]["units"], "controls");
+    let numbers = |page: &str| {
+        let page = std::fs::read_to_string(scratch.0.join(page)).unwrap();
+        page.split("\"numbers\":").nth(1).unwrap().split(']').next().unwrap().to_owned()
+    };
+    let sentence = "[\"Number 0 of an action is number 0 of the set, taken as a control of the model, in the unit of its range.\"";
+    assert_eq!([numbers("rad_run/report.html"), numbers("norm_run/report.html")], [sentence, "["]);
+    scratch.succeed("inspect rad --task rod --html looks.html");
+    assert_eq!(numbers("looks.html"), sentence);
     let again = "sift --out rad_run --resume";
     scratch.succeed(again);
     mend(&scratch, "rad", "actions.units = 'degrees'");

@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use demosift::basics::files;
+use demosift::data::demonstration::pointer;
 use demosift::{Error, Result};
 
 /// The MJCF file `model` and all that it is made of, directly or not, each once, in order of their paths.
@@ -37,10 +38,8 @@ pub(crate) fn files_of(model: &Path) -> Result<Vec<PathBuf>> {
         named.extend(files);
         // A folder of one file holds for all that it includes, and of those that include it.
         for candidate in named.iter().flat_map(|name| places(name, &folders)) {
-            if candidate.exists() {
-                // MuJoCo would wait for the end of a pipe.
-                files::check_is_plain(&candidate)?;
-            }
+            // MuJoCo would wait for the end of a pipe, and take a pointer of git lfs for a broken mesh.
+            pointer::refuse(&candidate)?;
             if candidate.is_file() {
                 let candidate = resolved(&candidate)?;
                 if !found.contains(&candidate) {
@@ -171,6 +170,10 @@ mod tests {
         }
         let found = files_of(&folder.join("task/model.xml")).unwrap();
         let names: Vec<_> = found.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
+        write("parts/arm.stl", "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 5\n");
+        let pointer = files_of(&folder.join("task/model.xml")).unwrap_err().to_string();
+        assert!(pointer.contains("a pointer of git lfs") && pointer.ends_with("parts/arm.stl"), "{pointer}");
+        write("parts/arm.stl", "whole");
         let pipe = std::process::Command::new("mkfifo").arg(folder.join("task/arm.stl")).status().unwrap();
         assert!(pipe.success() && files_of(&folder.join("task/model.xml")).unwrap_err().is_bad_input());
         assert_eq!(names, ["hand.xml", "skin.png", "arm.stl", "hills.png", "model.xml"]);

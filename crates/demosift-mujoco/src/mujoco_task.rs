@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use demosift::Result;
 use demosift::basics::files;
+use demosift::data::demonstration::pointer;
 use demosift::math::rows::Rows;
 use demosift::world::environment::{Specification, Stepped, Task, Worker};
 use demosift::world::heuristic::Heuristic;
-use demosift::{Error, Result};
 
 use crate::environment::MujocoEnvironment;
 use crate::include;
@@ -202,8 +203,8 @@ impl Task for MujocoTask {
 }
 
 fn read(task_file: &Path) -> Result<String> {
-    let bytes = files::read(task_file)?;
-    String::from_utf8(bytes).map_err(|_| Error::bad_input("the task file is not text in UTF-8").at(task_file))
+    pointer::refuse(task_file)?;
+    files::read_text(task_file, "the task file")
 }
 
 fn beside(task_file: &Path, model: &str) -> PathBuf {

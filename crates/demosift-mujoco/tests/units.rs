@@ -293,6 +293,27 @@ fn another_body_is_not_explained_away_by_units() {
     }
 }
 
+/// Between the same body and quite another one nothing is silent.
+#[test]
+fn whatever_recorded_steps_miss_is_said() {
+    let set = record(&arm(MOTORS));
+    let mut severities = Vec::new();
+    for damping in ["0.05", "0.06", "0.08", "0.1", "0.15", "0.2", "0.4", "1", "3"] {
+        let model =
+            MODEL.replace("ACTUATORS", MOTORS).replace("damping=\"0.05\"", &format!("damping=\"{damping}\""));
+        let other = MujocoTask::from_texts(TASK, &[("arm.xml", &model)], None).unwrap();
+        let plain = Presented::plain(&set.demonstrations, Some(&set.states));
+        let findings = check::fit(other.specification(), Some(&other), &plain).unwrap();
+        let said: Vec<&Finding> =
+            findings.iter().filter(|finding| finding.message.contains("next recorded state")).collect();
+        assert_eq!(said.len(), 1, "{damping}: {findings:?}");
+        severities.push(said[0].severity);
+    }
+    assert!(severities.is_sorted_by_key(|severity| *severity != Severity::Fine), "{severities:?}");
+    assert_eq!(severities.first(), Some(&Severity::Fine));
+    assert_ne!(severities.last(), Some(&Severity::Fine));
+}
+
 #[test]
 fn nothing_is_proposed_that_misses_as_much_as_before() {
     let task = arm(SERVOS);

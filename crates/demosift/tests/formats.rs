@@ -188,6 +188,74 @@ fn integers_halves_truth_and_columns_of_one_dimension_are_numbers() {
 }
 
 #[test]
+fn npz_of_other_byte_orders_and_column_by_column_holds_the_same() {
+    let plain = read(&fixture("orders.npz")).unwrap();
+    for name in ["obs_big", "obs_columns", "obs_both"] {
+        let columns = Columns { observations: vec![name.to_owned()], actions: Vec::new() };
+        let other = open::open(&fixture("orders.npz"), None, &columns).unwrap();
+        assert_eq!(other.episodes, plain.episodes, "{name}");
+    }
+}
+
+/// In each place where a data set describes itself.
+#[test]
+fn what_describes_a_set_is_named_in_plain_words() {
+    let scratch = Scratch::new("described");
+    let with = |set: &str, file: &str, change: &dyn Fn(String) -> String| {
+        let path = scratch.copy(set);
+        let text = fs::read_to_string(path.join(file)).unwrap();
+        fs::write(path.join(file), change(text)).unwrap();
+        read(&path)
+    };
+    let info = "meta/info.json";
+    let pointer = |_: String| "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 5\n".to_owned();
+    for (set, file) in [
+        ("lerobot_v3", info),
+        ("minari_hdf5", "data/metadata.json"),
+        ("minari_parquet", "data/metadata.json"),
+    ] {
+        assert_says(&with(set, file, &pointer).unwrap_err(), &["pointer of git lfs", "git lfs pull", file]);
+        let marked = with(set, file, &|text| format!("\u{feff}{text}"));
+        assert!(marked.is_ok() || set != "lerobot_v3", "{marked:?}");
+    }
+    let fps = |value: &'static str| {
+        move |text: String| {
+            let (before, rest) = text.split_once("\"fps\":").unwrap();
+            format!("{before}\"fps\": {value}{}", &rest[rest.find([',', '}']).unwrap()..])
+        }
+    };
+    for (value, said) in [("\"30\"", "expected a number"), ("1e400", "number out of range"), ("[30]", "list")]
+    {
+        let error = with("lerobot_v3", info, &fps(value)).unwrap_err();
+        assert_says(&error, &["does not describe a LeRobot data set", said, info]);
+        assert!(!error.to_string().contains("f64") && !error.to_string().contains("sequence"), "{error}");
+    }
+    for value in ["0", "-5"] {
+        let source = with("lerobot_v3", info, &fps(value)).unwrap();
+        assert_eq!(source.says.steps_per_sec, None);
+        assert!(
+            source.not_read[0].contains(&format!("says fps = {value}, which is no rate")),
+            "{:?}",
+            source.not_read
+        );
+    }
+}
+
+#[test]
+fn groups_of_other_names_are_told_how_to_be_named() {
+    let root = Scratch::new("names");
+    let path = root.0.join("demo.hdf5");
+    let mut file = hdf5_pure::FileBuilder::new();
+    let mut data = file.create_group("data");
+    let demo = data.create_group("demo0");
+    data.add_group(demo.finish());
+    file.add_group(data.finish());
+    file.write(&path).unwrap();
+    let error = open::open(&path, Some(Format::Robomimic), &Columns::default()).unwrap_err();
+    assert_says(&error, &["wanted groups demo_0, demo_1, …, and there are: demo0", "g.move(name"]);
+}
+
+#[test]
 fn what_is_not_read_of_hdf5_is_named_with_the_line_that_mends_it() {
     for (name, wanted) in [
         ("blosc.hdf5", "compressed by blosc"),
@@ -195,7 +263,7 @@ fn what_is_not_read_of_hdf5_is_named_with_the_line_that_mends_it() {
         ("newest.hdf5", "newest layout of HDF5 2.0"),
     ] {
         let error = read(&fixture(name)).unwrap_err();
-        assert_says(&error, &[wanted, name, "h5repack", "h5py.File"]);
+        assert_says(&error, &[wanted, name, "h5repack", "h5py.File", "attrs.update"]);
         assert!(!error.to_string().contains("damaged"), "{error}");
     }
 }

@@ -54,6 +54,7 @@ pub(crate) fn run(arguments: &InspectArguments) -> Result<()> {
             observation_size: seen.observations.len(),
             action_size: seen.actions.len(),
             left_out: choice::in_words(&seen.left_out),
+            numbers: &said.in_words(&source),
             why_not: wrong.as_deref(),
             way_out: way,
             fits,

@@ -36,7 +36,9 @@ pub(crate) fn run(arguments: &JudgeArguments) -> Result<()> {
     let found = || panel.opinions.iter().zip(&tables);
     if arguments.run.json {
         let answer = answers::Judge {
-            judges: found().map(|(opinion, scores)| answers::OfJudge::new(opinion, scores)).collect(),
+            judges: found()
+                .map(|(opinion, scores)| answers::OfJudge::new(opinion, scores, job.k()))
+                .collect(),
             decides: panel.decides,
             agreement: panel.agreement,
             disagreements: &panel.disagreements,

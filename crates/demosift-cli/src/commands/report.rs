@@ -93,6 +93,7 @@ fn write_found(job: &mut Job, found: &Found) -> Result<PathBuf> {
         configuration: run_folder::resolved(job.folder().path())?,
         unusable: found.unusable.as_deref(),
         left_out: job.left_out(),
+        numbers: job.numbers_in_words(),
     };
     let html = page::html(&report, &made, &replay);
     let path = job.folder().path().join(PAGE);

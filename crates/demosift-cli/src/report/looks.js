@@ -34,7 +34,10 @@ function heading() {
       fact(plural(looks.length, "episode"), `with ${plural(steps, "step")} in all. An observation has ${plural(made.observation_size, "number")}, an action ${made.action_size}.`),
       fact(odd.length ? `${count(odd.length)} odd` : "Nothing odd", odd.length ? "stand first below, with what is unlike the others." : "No episode is far from the others by any of these measures."),
       fact(doubles ? plural(doubles, "duplicate") : "No duplicates", doubles ? "hold the same numbers as an earlier episode." : "Each episode has numbers of its own.")),
-    [made.left_out, made.fits].filter(Boolean).map((text) => el("p", { class: "small" }, text)));
+    [made.left_out, made.fits].filter(Boolean).map((text) => el("p", { class: "small" }, text)),
+    made.numbers.length ? el("div", { class: "small", id: "numbers" },
+      el("p", {}, "What set.toml says of the numbers:"),
+      el("ul", {}, made.numbers.map((said) => el("li", {}, said)))) : null);
 }
 
 function fact(value, words) {

@@ -30,6 +30,8 @@ pub(crate) struct Made<'a> {
     pub(crate) action_size: usize,
     /// Episodes that were not taken, in words.
     pub(crate) left_out: Option<String>,
+    /// What `set.toml` says of the numbers, a sentence each.
+    pub(crate) numbers: &'a [String],
     /// Why nobody can learn from the set, if that is so, and what can be done.
     pub(crate) why_not: Option<&'a str>,
     pub(crate) way_out: Option<&'a str>,

@@ -38,6 +38,8 @@ pub(crate) struct Made<'a> {
     pub(crate) unusable: Option<&'a str>,
     /// Episodes of the set that were not taken, in words.
     pub(crate) left_out: Option<&'a str>,
+    /// What `set.toml` says of its numbers, a sentence each.
+    pub(crate) numbers: &'a [String],
 }
 
 /// A goal of a run that has several.

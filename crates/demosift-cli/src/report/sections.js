@@ -324,6 +324,9 @@ function configuration() {
   into("configuration",
     el("h2", {}, "How it was made"),
     el("p", { class: "small" }, `demosift ${made.demosift}, method ${report.method}, task ${report.task}${made.variant ? ` under ${made.variant}` : ""}: episodes of at most ${report.horizon} control steps of ${significant(report.control_step_secs)} s. Set ${made.set}, SHA-256 ${made.sha256.slice(0, 16)}….${made.left_out ? ` ${made.left_out}` : ""}`),
+    made.numbers.length ? el("div", { class: "small", id: "numbers" },
+      el("p", {}, "The numbers of the set are not those of the task; its set.toml says what they are:"),
+      el("ul", {}, made.numbers.map((said) => el("li", {}, said)))) : null,
     el("details", {}, el("summary", {}, "Configuration"), el("pre", {}, made.configuration)));
   into("foot", el("p", {}, "This page is one file and needs no network. The numbers are also in the JSON files of the run folder."),
     replay.episodes.length ? el("details", {}, el("summary", {}, "The replay is drawn by three.js, under its license"), el("pre", {}, document.getElementById("license").textContent)) : null);

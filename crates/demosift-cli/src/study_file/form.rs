@@ -181,8 +181,7 @@ impl Source<'_> {
         match self {
             Self::BuiltIn { text, .. } => Ok((*text).to_owned()),
             Self::At(path) if !path.exists() => Err(Error::bad_input("the study file does not exist")),
-            Self::At(path) => String::from_utf8(files::read(path)?)
-                .map_err(|_| Error::bad_input("the study file is not text in UTF-8")),
+            Self::At(path) => files::read_text(path, "the study file"),
         }
     }
 }

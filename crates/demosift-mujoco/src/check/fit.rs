@@ -379,12 +379,13 @@ fn steps(physics: &Physics, presented: &Presented<'_>) -> Option<Finding> {
         _ if physics.is_same() => Some(Finding::fine(format!(
             "recorded actions lead to the next recorded state: of the steps that were tried a typical one misses {percent}"
         ))),
-        _ => missed.filter(|missed| dynamics::is_other_physics(*missed)).map(|_| {
-            Finding::warning(
-                message,
-                "nothing that was tried explains it: another model or body, or numbers in another order; `demosift task check \
-                 TASK --data SET` says more",
-            )
+        _ => missed.map(|missed| {
+            let why = if dynamics::is_other_physics(missed) {
+                "nothing that was tried explains it: another model or body, or numbers in another order"
+            } else {
+                "a body that is a little different, or actions that stand a step early or late"
+            };
+            Finding::warning(message, format!("{why}; `demosift task check TASK --data SET` says more"))
         }),
     }
 }

@@ -69,6 +69,22 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
     fs::read(path).map_err(|source| Error::io("cannot read", path, &source))
 }
 
+/// The text of a file that somebody wrote, without the mark that some editors put before it; `what` names it in errors.
+///
+/// # Errors
+/// As [`read`], and `is_bad_input` if it is not UTF-8.
+pub fn read_text(path: &Path, what: &str) -> Result<String> {
+    let bytes = read(path)?;
+    let is_wide = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
+    let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).map(<[u8]>::to_vec).unwrap_or(bytes);
+    String::from_utf8(bytes).map_err(|_| {
+        let found = if is_wide { "text in UTF-16" } else { "not text in UTF-8" };
+        Error::bad_input(format!("{what} is {found}"))
+            .at(path)
+            .with_hint("save it as UTF-8, which editors offer as its encoding")
+    })
+}
+
 /// Whether something is a file that ends: no pipe, device or socket.
 ///
 /// # Errors

@@ -34,10 +34,11 @@ use crate::stages::subset_selection::Weighing;
 use crate::world::environment::EnvVariant;
 use crate::world::policy::Policy;
 
-/// Changes when a file of this version could no longer be read; 3 since each file carries its checksum.
+/// Changes when a file of this version could no longer be read; 4 since `panel.json` and `uncertainty.json` grow with
+/// the set and not with its square, 3 since each file carries its checksum.
 ///
 /// It is the version of JSON and of checkpoints, and so of a run folder.
-pub const FORMAT_VERSION: u32 = 3;
+pub const FORMAT_VERSION: u32 = 4;
 
 /// The same for tensors, whose layout has not changed, so that policies of earlier runs can still be played.
 const TENSORS_VERSION: u32 = 1;
@@ -649,7 +650,7 @@ mod tests {
         assert!(read_checkpoint::<Vec<u32>>(&checkpoint[..5], "x").expect_err("short").hint().is_some());
         checkpoint[0] = 9;
         let error = read_checkpoint::<Vec<u32>>(&checkpoint, "x").expect_err("newer");
-        assert_eq!(error.to_string(), "x has format version 9; this demosift reads version 3");
+        assert_eq!(error.to_string(), "x has format version 9; this demosift reads version 4");
     }
 
     #[test]

@@ -5,6 +5,7 @@ pub mod data_only;
 pub mod decline;
 pub mod figure;
 pub mod gain;
+pub mod metrics;
 pub mod oracle;
 pub mod panel;
 mod protobuf;

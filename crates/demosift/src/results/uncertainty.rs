@@ -61,7 +61,8 @@ pub struct Uncertainty {
     pub evaluations: usize,
     /// The demonstrations, the most suitable first, ties by id.
     pub demonstrations: Vec<Doubt>,
-    /// For each K from 1: how probable it is that the first K are the K best.
+    /// For each K from 1: how probable it is that the first K are the K best. Not stored, as [`Doubt::top`].
+    #[serde(skip)]
     pub top_set: Vec<f64>,
     /// The same demonstrations in groups that this budget cannot tell apart: a group is led by the best demonstration
     /// that is in no group yet, and holds those after it down to the first whose difference from the leader has an
@@ -86,7 +87,31 @@ pub struct Doubt {
     /// Probability that it is nearer to the best of the set than to the median one.
     pub near_best: f64,
     /// For each K from 1: probability that it belongs to the K best; ties share the places that they compete for.
+    ///
+    /// Not stored: of a thousand demonstrations these are a million numbers, and [`uncertainty`] makes them again from the
+    /// scores. It is empty in what was read from a file.
+    #[serde(skip)]
     pub top: Vec<f64>,
+}
+
+/// How probable it is to be among the K best, for one K.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Top {
+    /// K.
+    pub k: usize,
+    /// Probability that the first K are the K best.
+    pub first_k: f64,
+    /// For each demonstration, in the order of the ranking, the probability that it is one of the K best.
+    pub demonstrations: Vec<InTop>,
+}
+
+/// How probable it is that one demonstration is among the K best.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct InTop {
+    /// v_i.
+    pub demo: DemoId,
+    /// That probability.
+    pub probability: f64,
 }
 
 impl Uncertainty {
@@ -107,6 +132,14 @@ impl Uncertainty {
     /// What is known of one demonstration.
     pub fn of(&self, demo: DemoId) -> Option<&Doubt> {
         self.demonstrations.iter().find(|doubt| doubt.demo == demo)
+    }
+
+    /// How probable each demonstration is among the K best; `None` where there is no such K, or this was read from a file.
+    pub fn top(&self, k: usize) -> Option<Top> {
+        let place = k.checked_sub(1)?;
+        let among = |doubt: &Doubt| Some(InTop { demo: doubt.demo, probability: *doubt.top.get(place)? });
+        let demonstrations = self.demonstrations.iter().map(among).collect::<Option<_>>()?;
+        Some(Top { k, first_k: *self.top_set.get(place)?, demonstrations })
     }
 
     /// Which demonstrations to learn from, by their probabilities alone; the most suitable first, never none.

@@ -171,6 +171,17 @@ def stable_baselines(name):
     )
 
 
+def orders(name):
+    """The same observations with other byte orders, and column by column, as numpy writes what was sliced or transposed."""
+    rows = np.concatenate([observations(i, steps) for i, steps in enumerate(LENGTHS)])
+    np.savez(
+        fresh(name), obs=rows, obs_big=rows.astype(">f4"), obs_columns=np.asfortranarray(rows.astype("<f8")),
+        obs_both=np.asfortranarray(rows.astype(">f8")),
+        actions=np.concatenate([actions(i, steps) for i, steps in enumerate(LENGTHS)]),
+        episode_starts=np.concatenate([np.arange(steps) == 0 for steps in LENGTHS]),
+    )
+
+
 def maniskill(name):
     """The layout of the trajectories of ManiSkill with `-o state`, written by h5py as ManiSkill does."""
     import h5py
@@ -293,6 +304,7 @@ TOOLS = {
     "imitation": lambda: imitation("imitation.npz"),
     "baselines": lambda: baselines("baselines.npz"),
     "stable-baselines": lambda: stable_baselines("stable_baselines.npz"),
+    "orders": lambda: orders("orders.npz"),
     "maniskill": lambda: maniskill("maniskill.h5"),
     "aloha": lambda: aloha("aloha"),
     "zstd": lambda: (zstd("lerobot_v3", "lerobot_v3_zstd"), zstd("lerobot_v2", "lerobot_v2_zstd")),

@@ -74,7 +74,15 @@ fn length_of(path: &Path) -> Result<u64> {
 }
 
 /// Writes a file anew (h5py stops visiting where a visit returns something, hence the print) without filters and in the layout that every version reads.
-const WRITE_ANEW: &str = r#"write it anew: h5repack -f GZIP=4 OLD NEW; or in Python: import h5py, hdf5plugin; old, new = h5py.File("OLD"), h5py.File("NEW", "w", libver=("earliest", "v114")); old.visititems(lambda name, item: print(new.create_dataset(name, data=item[()]) if hasattr(item, "dtype") else new.require_group(name))); new.close()"#;
+const WRITE_ANEW: &str = r#"write it anew: h5repack -f GZIP=4 OLD NEW; or in Python: import h5py, hdf5plugin; old, new = h5py.File("OLD"), h5py.File("NEW", "w", libver=("earliest", "v114")); old.visititems(lambda name, item: print((new.create_dataset(name, data=item[()]) if hasattr(item, "dtype") else new.require_group(name)).attrs.update(item.attrs))); new.close()"#;
+
+/// Names the groups of a file as its format has them.
+fn rename(prefix: &str) -> String {
+    format!(
+        "name them so, in Python for those in the group DATA: import h5py; g = h5py.File(\"FILE\", \"r+\")[\"DATA\"]; \
+         [g.move(name, f\"{prefix}{{i}}\") for i, name in enumerate(list(g))]"
+    )
+}
 
 /// The names of registered filters, which files carry as numbers.
 fn filter_name(id: u16) -> String {
@@ -367,7 +375,8 @@ pub(super) fn numbered_groups(root: &Group, holder: &str, prefix: &str) -> Resul
         return Err(Error::bad_input(format!(
             "{holder} holds no episode; wanted groups {prefix}0, {prefix}1, …, and there are: {}",
             listed(others)
-        )));
+        ))
+        .with_hint(rename(prefix)));
     }
     let said = format!(
         "{} that {} not called {prefix}<number>, so not read: {}",

@@ -20,8 +20,10 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use crate::basics::error::{Error, Result};
+use crate::basics::files;
 use crate::data::demonstration::episode::{Columns, Episode, Format, Says, Source};
 use crate::data::demonstration::listing::{ColumnSeen, Used};
+use crate::data::demonstration::named::json_in_words;
 use crate::data::demonstration::parquet_table::{self, Table};
 use crate::data::demonstration::pointer;
 use crate::math::rows::Rows;
@@ -104,8 +106,9 @@ fn read_info(path: &Path) -> Result<Info> {
             Error::bad_input(format!("{len} bytes are too long; wanted at most {LONGEST_INFO}")).at(&file)
         );
     }
-    serde_json::from_slice(&fs::read(&file).map_err(failed)?).map_err(|error| {
-        Error::bad_input(format!("this does not describe a LeRobot data set: {error}")).at(&file)
+    serde_json::from_str(&files::read_text(&file, "the description of the data set")?).map_err(|error| {
+        let words = json_in_words(&error);
+        Error::bad_input(format!("this does not describe a LeRobot data set: {words}")).at(&file)
     })
 }
 
@@ -145,7 +148,11 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
         }
     }
     let says = Says { steps_per_sec: info.rate(), action_bounds: None, file: INFO };
-    Ok(Source { says, ..Source::new(format, columns, episodes) })
+    let no_rate = info.fps.filter(|_| info.rate().is_none());
+    let not_read =
+        no_rate.map(|rate| format!("{INFO} says fps = {rate}, which is no rate, so none is known"));
+    let not_read = not_read.into_iter().collect();
+    Ok(Source { says, not_read, ..Source::new(format, columns, episodes) })
 }
 
 /// All columns, with those that are not in the tables, such as videos.
@@ -179,7 +186,7 @@ fn empty_episodes(path: &Path) -> Vec<i64> {
         length: i64,
     }
     let mut empty = Vec::new();
-    if let Ok(lines) = fs::read_to_string(path.join("meta/episodes.jsonl")) {
+    if let Ok(lines) = files::read_text(&path.join("meta/episodes.jsonl"), "the list of episodes") {
         let lines = lines.lines().filter_map(|line| serde_json::from_str::<Line>(line).ok());
         empty.extend(lines.filter(|line| line.length == 0).map(|line| line.episode_index));
     }

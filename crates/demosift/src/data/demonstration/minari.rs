@@ -22,7 +22,9 @@ use crate::basics::error::{Error, Result};
 use crate::basics::files;
 use crate::data::demonstration::episode::{Columns, Episode, Format, Says, Source, trailing_number};
 use crate::data::demonstration::hdf5::{self, damaged, find, find_group};
+use crate::data::demonstration::named::json_in_words;
 use crate::data::demonstration::parquet_table::{self, Table};
+use crate::data::demonstration::pointer;
 use crate::math::rows::Rows;
 
 mod seeds;
@@ -216,9 +218,7 @@ pub(super) fn read_parquet(path: &Path, columns: &Columns) -> Result<Source> {
 
 /// Refuses a data set that holds more or less than the file beside it says, if there is one.
 fn check_counts(metadata: &Path, episodes: &[Episode]) -> Result<()> {
-    if metadata.exists() {
-        files::check_is_plain(metadata)?;
-    }
+    pointer::refuse(metadata)?;
     let bytes = match fs::read(metadata) {
         Ok(bytes) => bytes,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
@@ -227,7 +227,8 @@ fn check_counts(metadata: &Path, episodes: &[Episode]) -> Result<()> {
         }
     };
     let counts: Counts = serde_json::from_slice(&bytes).map_err(|error| {
-        Error::bad_input(format!("this does not describe a Minari data set: {error}")).at(metadata)
+        let words = json_in_words(&error);
+        Error::bad_input(format!("this does not describe a Minari data set: {words}")).at(metadata)
     })?;
     // What could not be read is named when somebody wants to learn from it.
     if episodes.iter().any(|episode| episode.unreadable.is_some()) {

@@ -22,7 +22,7 @@ mod parquet_pages;
 mod parquet_table;
 mod parquet_writing;
 mod parquet_zstd;
-mod pointer;
+pub mod pointer;
 pub mod robomimic;
 pub mod set_file;
 mod stable_baselines_npz;

@@ -7,6 +7,24 @@ use crate::math::rows::Rows;
 /// Names that are listed before the rest is only counted.
 const MOST_LISTED: usize = 10;
 
+/// What the reader of JSON says, without words that only a programmer knows.
+pub(super) fn json_in_words(said: &serde_json::Error) -> String {
+    let mut words = said.to_string();
+    for (theirs, ours) in [
+        ("expected usize", "expected a whole number of at least 0"),
+        ("expected u64", "expected a whole number of at least 0"),
+        ("expected i64", "expected a whole number"),
+        ("expected f64", "expected a number"),
+        ("floating point", "number"),
+        ("sequence", "list"),
+        ("expected a map", "expected names with values"),
+        ("expected value", "expected a number, a text, a list or names with values"),
+    ] {
+        words = words.replace(theirs, ours);
+    }
+    words
+}
+
 /// The names, of many only the first ten, `and 90 more`.
 pub(super) fn listed<T: ToString>(names: impl IntoIterator<Item = T>) -> String {
     shortened(names.into_iter().map(|name| name.to_string()).collect(), ", ")

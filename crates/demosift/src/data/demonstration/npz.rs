@@ -143,11 +143,14 @@ impl Npz {
         let mut bytes = Vec::new();
         // The size is a claim too; reading stops where it would be exceeded.
         entry.by_ref().take(most).read_to_end(&mut bytes).map_err(|source| damaged(ZipError::Io(source)))?;
-        let header = Header::parse(name, &bytes)?;
+        let mut header = Header::parse(name, &bytes)?;
         let elements = bytes.split_off(header.len);
         let size = header.shape.iter().try_fold(header.element_size(), |size, &len| size.checked_mul(len));
         match size {
-            Some(size) if size == elements.len() => Ok((header, elements)),
+            Some(size) if size == elements.len() => {
+                let elements = header.as_usual(elements);
+                Ok((header, elements))
+            }
             _ => Err(Error::bad_input(format!(
                 "'{name}' claims shape {:?} of {}, but holds {} bytes",
                 header.shape,
@@ -181,6 +184,8 @@ struct Header {
     /// Numpy's code of the element type, such as `<f4`.
     element: String,
     shape: Vec<usize>,
+    /// Whether its columns are stored one after the other, and not its rows.
+    by_columns: bool,
     /// Bytes before the elements.
     len: usize,
 }
@@ -211,16 +216,12 @@ impl Header {
         let element = after("'descr':")
             .and_then(|rest| rest.strip_prefix('\'')?.split_once('\''))
             .ok_or_else(|| wrong("its header names no simple element type"))?;
-        if after("'fortran_order':").is_some_and(|rest| rest.starts_with("True")) {
-            return Err(wrong(
-                "its columns are stored one after the other; wanted rows (numpy.ascontiguousarray)",
-            ));
-        }
+        let by_columns = after("'fortran_order':").is_some_and(|rest| rest.starts_with("True"));
         let shape = after("'shape':")
             .and_then(|rest| rest.strip_prefix('(')?.split_once(')'))
             .ok_or_else(|| wrong("its header has no shape"))?;
         let shape = shape.0.split(',').map(str::trim).filter(|extent| !extent.is_empty()).map(str::parse);
-        let shape =
+        let shape: Vec<usize> =
             shape.collect::<std::result::Result<_, _>>().map_err(|_| wrong("its shape is no shape"))?;
         if element.0.contains('O') {
             return Err(Error::bad_input(format!(
@@ -228,7 +229,27 @@ impl Header {
             ))
             .with_hint(OBJECTS));
         }
-        Ok(Self { element: element.0.to_owned(), shape, len })
+        if by_columns && shape.len() > 2 {
+            return Err(wrong("it is stored from its last extent on; wanted rows (numpy.ascontiguousarray)"));
+        }
+        Ok(Self { element: element.0.to_owned(), shape, by_columns, len })
+    }
+
+    /// Elements row by row, and each with its lowest byte first.
+    fn as_usual(&mut self, mut elements: Vec<u8>) -> Vec<u8> {
+        let size = self.element_size().max(1);
+        if self.element.starts_with('>') {
+            elements.chunks_exact_mut(size).for_each(<[u8]>::reverse);
+            self.element.replace_range(..1, "<");
+        }
+        match *self.shape.as_slice() {
+            [rows, columns] if self.by_columns => {
+                let at = |row: usize, column: usize| (column * rows + row) * size;
+                let places = (0..rows).flat_map(|row| (0..columns).map(move |column| at(row, column)));
+                places.flat_map(|at| elements[at..at + size].iter().copied()).collect()
+            }
+            _ => elements,
+        }
     }
 
     /// Bytes of an element, as numpy's code says.

@@ -10,7 +10,10 @@ use crate::basics::files;
 const START: &[u8] = b"version https://git-lfs.github.com/spec/";
 
 /// Refuses a file that only says where git lfs keeps the real one; what cannot be read is left to others to complain of.
-pub(super) fn refuse(path: &Path) -> Result<()> {
+///
+/// # Errors
+/// `is_bad_input` if it is one, or no plain file.
+pub fn refuse(path: &Path) -> Result<()> {
     if path.exists() {
         files::check_is_plain(path)?;
     }

@@ -20,10 +20,10 @@
 //! What a set holds is never changed: exports hand on what came in, and this file with it.
 
 mod ranges;
+mod words;
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -31,6 +31,7 @@ use serde::de::{MapAccess, SeqAccess, Visitor, value};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::basics::error::{Error, Result};
+use crate::basics::files;
 use crate::data::demonstration::episode::{MINARI_HDF5, RECORDED};
 use crate::data::demonstration::numbers::Numbers;
 use crate::data::demonstration::open::Located;
@@ -190,9 +191,7 @@ impl SetFile {
     /// # Errors
     /// As [`SetFile::parse`], and `is_io` if it may not be read.
     pub fn read(path: &Path) -> Result<Self> {
-        let text =
-            fs::read_to_string(path).map_err(|error| Error::io("cannot read the set file", path, &error))?;
-        Self::parse(&text).map_err(|error| error.at(path))
+        Self::parse(&files::read_text(path, "the set file")?).map_err(|error| error.at(path))
     }
 
     /// Whether nothing is said.
@@ -370,6 +369,8 @@ impl<'de> Deserialize<'de> for Units {
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
+    use std::fs;
+
     use super::*;
     use crate::data::demonstration::episode::Format;
 
@@ -413,6 +414,37 @@ mod tests {
             let error = SetFile::parse(text).unwrap_err();
             assert!(error.is_bad_config() && error.to_string().contains(wanted), "{text}: {error}");
         }
+    }
+
+    #[test]
+    fn it_may_come_from_another_system_and_a_pipe_is_not_waited_for() {
+        let folder = std::env::temp_dir().join(format!("demosift-set-text-{}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        let read = |name: &str, bytes: &[u8]| {
+            fs::write(folder.join(name), bytes).unwrap();
+            SetFile::read(&folder.join(name))
+        };
+        let lines = "rate = 25\r\nactions.units = 'degrees'\r\n";
+        let marked = read("marked", format!("\u{feff}{lines}").as_bytes()).unwrap();
+        assert_eq!(marked, SetFile::parse("rate = 25\nactions.units = 'degrees'").unwrap());
+        let wide: Vec<u8> = lines.encode_utf16().flat_map(u16::to_le_bytes).collect();
+        let error = read("wide", &[&[0xff, 0xfe][..], &wide].concat()).unwrap_err();
+        assert!(
+            error.to_string().contains("the set file is text in UTF-16") && error.hint().is_some(),
+            "{error}"
+        );
+        assert!(read("latin", b"# \xe4\n").unwrap_err().to_string().contains("not text in UTF-8"));
+        let comma = read("comma", b"rate = 25,5").unwrap_err();
+        assert!(
+            comma.is_bad_config() && comma.to_string().contains("the set file is wrong at line 1"),
+            "{comma}"
+        );
+        let pipe = folder.join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        for endless in [pipe.as_path(), Path::new("/dev/zero")] {
+            assert!(SetFile::read(endless).unwrap_err().to_string().contains("this is a pipe, a device"));
+        }
+        fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]

@@ -1,6 +1,5 @@
 //! What a LeRobot data set keeps of a recording beside its steps: rate, robot, names and tasks, which are handed on.
 
-use std::fs;
 use std::path::Path;
 
 use serde::Deserialize;
@@ -9,6 +8,7 @@ use serde_json::Value;
 use super::videos::{self, Videos};
 use super::{Info, read_info};
 use crate::basics::error::Result;
+use crate::basics::files;
 use crate::data::demonstration::episode::{Format, Source};
 use crate::data::demonstration::parquet_table::{self, Table};
 
@@ -72,7 +72,7 @@ fn tasks(path: &Path) -> Vec<(i64, String)> {
         tasks: Vec<String>,
     }
     let mut tasks = Vec::new();
-    if let Ok(lines) = fs::read_to_string(path.join("meta/episodes.jsonl")) {
+    if let Ok(lines) = files::read_text(&path.join("meta/episodes.jsonl"), "the list of episodes") {
         let lines = lines.lines().filter_map(|line| serde_json::from_str::<Line>(line).ok());
         tasks.extend(lines.filter_map(|line| Some((line.episode_index, line.tasks.into_iter().next()?))));
     }

@@ -9,12 +9,12 @@
 //! the seconds that its table of episodes says.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
 use super::INFO;
+use crate::basics::files;
 use crate::data::demonstration::parquet_table::{self, Table};
 
 /// Files in a folder, as LeRobot has it.
@@ -84,7 +84,7 @@ impl Videos {
 /// Looks for the videos of these episodes, by the numbers that the data set gives them, with their lengths in steps.
 pub(super) fn find(path: &Path, is_v3: bool, episodes: &[(i64, usize)]) -> Videos {
     let read =
-        |name: &str| fs::read(path.join(name)).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
+        |name: &str| files::read(&path.join(name)).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
     let info: Value = read(INFO).unwrap_or_default();
     let statistics: Value = read("meta/stats.json").unwrap_or_default();
     let mut videos = Videos::default();

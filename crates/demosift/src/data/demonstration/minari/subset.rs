@@ -11,6 +11,8 @@ use crate::basics::error::{Error, Result};
 use crate::basics::files;
 use crate::data::demonstration::episode::Columns;
 use crate::data::demonstration::hdf5::{self, check_size, damaged};
+use crate::data::demonstration::named::json_in_words;
+use crate::data::demonstration::pointer;
 
 /// Writes a new data set of some episodes of the `main_data.hdf5` at `original`, numbered anew from 0, with rewards, infos and all
 /// else as they are there; its spaces come from the metadata beside it, or from the tables where there is none.
@@ -35,6 +37,7 @@ pub fn write_subset(path: &Path, original: &Path, labels: &[String], name: &str)
 
 fn read_metadata(original: &Path) -> Result<Map<String, Value>> {
     let path = original.with_file_name(METADATA);
+    pointer::refuse(&path)?;
     let bytes = match std::fs::read(&path) {
         Ok(bytes) => bytes,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
@@ -43,7 +46,8 @@ fn read_metadata(original: &Path) -> Result<Map<String, Value>> {
         Err(error) => return Err(Error::io("cannot read the description of the data set", &path, &error)),
     };
     serde_json::from_slice(&bytes).map_err(|error| {
-        Error::bad_input(format!("this does not describe a Minari data set: {error}")).at(&path)
+        let words = json_in_words(&error);
+        Error::bad_input(format!("this does not describe a Minari data set: {words}")).at(&path)
     })
 }
 

@@ -1,5 +1,0 @@
-#![no_main]
-
-use demosift::data::demonstration::episode::Format;
-
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| demosift_fuzz::file(bytes, Format::Robomimic));
