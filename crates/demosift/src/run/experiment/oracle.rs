@@ -1,12 +1,14 @@
 //! What each demonstration teaches alone from scratch, which rankings are compared with; random subsets, which the kept one is
 //! compared with.
 
+use std::collections::BTreeMap;
+
 use super::{Run, kept_part, learning_curve, learning_curve_with};
 use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemoId;
 use crate::results::artifact::Artifact;
-use crate::results::oracle::{self, Oracle};
+use crate::results::oracle::{self, Alone, Oracle};
 use crate::stages::imitate::LearningCurve;
 use crate::stages::select::Ranking;
 use crate::world::heuristic::Score;
@@ -18,19 +20,17 @@ use crate::world::heuristic::Score;
 /// `is_bad_config` if there is nothing to compare random subsets with, `is_diverged` if a training diverges.
 pub fn oracle(run: &mut Run<'_>, repeats: usize, random: usize) -> Result<Oracle> {
     let kept = policy_from_kept(run, random)?;
-    let (mut alone, mut curves) = (Vec::new(), Vec::new());
-    for demo in run.set.ids() {
-        let of_demo =
-            (0..repeats).map(|repeat| oracle_curve(run, demo, repeat)).collect::<Result<Vec<_>>>()?;
-        alone.push(oracle::alone(demo, &of_demo));
-        curves.push(of_demo);
+    let mut curves: BTreeMap<DemoId, Vec<LearningCurve>> = BTreeMap::new();
+    for OracleTraining { demo, repeat } in oracle_trainings(run, repeats) {
+        curves.entry(demo).or_default().push(oracle_curve(run, demo, repeat)?);
     }
+    let alone: Vec<Alone> = curves.iter().map(|(demo, of_demo)| oracle::alone(*demo, of_demo)).collect();
     let worth = match (kept, oracle::best(&alone)) {
         (Some(kept), Some(best)) => {
             let random = (0..random)
                 .map(|number| Ok(random_subset(run, kept.demos.len(), number)?.end.score))
                 .collect::<Result<Vec<Score>>>()?;
-            Some(oracle::worth(&kept, best, &curves[best.0], random))
+            Some(oracle::worth(&kept, best, &curves[&best], random))
         }
         _ => None,
     };
@@ -55,6 +55,18 @@ pub fn policy_from_kept(run: &Run<'_>, random: usize) -> Result<Option<LearningC
 pub fn oracle_curve(run: &mut Run<'_>, demo: DemoId, repeat: usize) -> Result<LearningCurve> {
     let seed = Seed::new(run.config.seed).of("oracle").at(repeat);
     learning_curve_with(run, &oracle_part(demo, repeat), &[demo], &seed)
+}
+
+/// An imitation of one demonstration alone.
+pub(crate) struct OracleTraining {
+    pub(crate) demo: DemoId,
+    pub(crate) repeat: usize,
+}
+
+/// All that an oracle trains, each demonstration so many times in a row.
+pub(crate) fn oracle_trainings(run: &Run<'_>, repeats: usize) -> Vec<OracleTraining> {
+    let of_demo = |demo| (0..repeats).map(move |repeat| OracleTraining { demo, repeat });
+    run.set.ids().into_iter().flat_map(of_demo).collect()
 }
 
 /// Under which name the oracle's imitations are stored.
