@@ -1,5 +1,8 @@
 //! What `--json` shows, a type for each command; `docs/json.md` says what each field is.
 
+#[cfg(test)]
+mod schema_tests;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -39,6 +42,7 @@ use crate::tables::standing::Found;
 
 /// What a command found, and which run it is about.
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct OfRun<'a, T> {
     #[serde(flatten)]
     found: T,
@@ -59,6 +63,7 @@ impl<'a, T: Serialize> OfRun<'a, T> {
 
 /// A task of several goals: what was found for each.
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Goals<'a> {
     pub(crate) goals: Map<String, Value>,
     pub(crate) judges: &'a Panel,
@@ -67,6 +72,7 @@ pub(crate) struct Goals<'a> {
 
 /// `demosift sift`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Sift<'a> {
     #[serde(flatten)]
     pub(crate) selected: Select<'a>,
@@ -79,6 +85,7 @@ pub(crate) struct Sift<'a> {
 
 /// `demosift select`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Select<'a> {
     ranking: &'a [Ranked],
     uncertainty: &'a Uncertainty,
@@ -104,6 +111,7 @@ impl<'a> Select<'a> {
 
 /// What stands beside a ranking and never enters it.
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Columns<'a> {
     data_only: Vec<BesideRanking<'a>>,
     own_heuristic: Option<BesideRanking<'a>>,
@@ -121,6 +129,7 @@ impl<'a> Columns<'a> {
 
 /// One number for each demonstration, in the order of the set.
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct BesideRanking<'a> {
     #[serde(flatten)]
     column: &'a Column,
@@ -135,6 +144,7 @@ impl<'a> BesideRanking<'a> {
 
 /// `demosift judge --prior`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Standings<'a> {
     pub(crate) prior: &'a Path,
     pub(crate) decides: Option<panel::Judge>,
@@ -145,6 +155,7 @@ pub(crate) struct Standings<'a> {
 
 /// Where new demonstrations stand by one judge under one goal.
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct StandingsOfJudge<'a> {
     judge: panel::Judge,
     goal: Option<&'a str>,
@@ -161,6 +172,7 @@ impl<'a> StandingsOfJudge<'a> {
 
 /// `demosift judge`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Judge<'a> {
     pub(crate) judges: Vec<OfJudge<'a>>,
     pub(crate) decides: panel::Judge,
@@ -173,6 +185,7 @@ pub(crate) struct Judge<'a> {
 
 /// What one judge says.
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct OfJudge<'a> {
     judge: panel::Judge,
     vote: Vote,
@@ -199,6 +212,7 @@ impl<'a> OfJudge<'a> {
 
 /// `demosift weigh`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Weigh<'a> {
     pub(crate) weighing: &'a Weighing,
     pub(crate) kept: &'a [DemoId],
@@ -207,18 +221,21 @@ pub(crate) struct Weigh<'a> {
 
 /// `demosift referee`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Referee<'a> {
     pub(crate) verdict: &'a Verdict,
 }
 
 /// `demosift meta-train`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct MetaTrain {
     pub(crate) costs: Spending,
 }
 
 /// `demosift imitate` of the kept demonstrations
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Imitate<'a> {
     pub(crate) kept: &'a [DemoId],
     pub(crate) from_subset: CurvePoint,
@@ -228,6 +245,7 @@ pub(crate) struct Imitate<'a> {
 
 /// `demosift imitate` of demonstrations that are named
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct ImitateNamed<'a> {
     pub(crate) demonstrations: &'a [DemoId],
     pub(crate) outcome: CurvePoint,
@@ -235,6 +253,7 @@ pub(crate) struct ImitateNamed<'a> {
 
 /// Environment steps, beside the budget that all methods have.
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Spending {
     method: Method,
     quota: u64,
@@ -256,6 +275,7 @@ impl Spending {
 
 /// `--dry-run`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct DryRun<'a> {
     #[serde(flatten)]
     pub(crate) forecast: &'a Forecast,
@@ -267,6 +287,7 @@ pub(crate) struct DryRun<'a> {
 
 /// `demosift report`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct ReportMade<'a> {
     pub(crate) report: &'a Report,
     /// None where it could not be written.
@@ -275,6 +296,7 @@ pub(crate) struct ReportMade<'a> {
 
 /// `demosift record`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Record<'a, Provenance, Unseen> {
     pub(crate) provenance: &'a Provenance,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -284,6 +306,7 @@ pub(crate) struct Record<'a, Provenance, Unseen> {
 
 /// `demosift inspect`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Inspect<'a> {
     pub(crate) path: &'a Path,
     pub(crate) inspection: &'a Inspection,
@@ -300,6 +323,7 @@ pub(crate) struct Inspect<'a> {
 
 /// `demosift convert`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Convert<'a> {
     pub(crate) episodes: usize,
     pub(crate) steps: usize,
@@ -308,6 +332,7 @@ pub(crate) struct Convert<'a> {
 
 /// `demosift play`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Play<'a> {
     pub(crate) episodes: Vec<Episode>,
     pub(crate) unit: &'a str,
@@ -316,6 +341,7 @@ pub(crate) struct Play<'a> {
 
 /// An episode that was played or replayed.
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Episode {
     pub(crate) episode: String,
     pub(crate) steps: usize,
@@ -325,13 +351,16 @@ pub(crate) struct Episode {
 
 /// `demosift export --as json`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Export<'a> {
     pub(crate) demosift: &'a str,
     pub(crate) task: &'a str,
     pub(crate) task_sha256: Option<&'a str>,
     pub(crate) variant: Option<&'a str>,
     pub(crate) data: &'a Data,
+    #[cfg_attr(test, schemars(with = "Value"))]
     pub(crate) seed: Option<&'a toml::Value>,
+    #[cfg_attr(test, schemars(with = "Map<String, Value>"))]
     pub(crate) configuration: &'a toml::Table,
     pub(crate) chosen: &'a str,
     pub(crate) demonstrations: Vec<Exported>,
@@ -339,6 +368,7 @@ pub(crate) struct Export<'a> {
 
 /// A demonstration that was judged, in the order of the ranking.
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Exported {
     pub(crate) demonstration: DemoId,
     pub(crate) label: String,
@@ -356,6 +386,7 @@ pub(crate) struct Exported {
 
 /// `demosift task check`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct TaskCheck<'a> {
     pub(crate) task: &'a Seen,
     pub(crate) played: &'a Tried,
@@ -366,6 +397,7 @@ pub(crate) struct TaskCheck<'a> {
 
 /// `demosift task check --env`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct EnvironmentCheck<'a> {
     pub(crate) environment: &'a str,
     pub(crate) simulator: &'a Simulator,
@@ -379,6 +411,7 @@ pub(crate) struct EnvironmentCheck<'a> {
 
 /// `demosift study`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct StudyShown<'a> {
     pub(crate) study: &'a Study,
     pub(crate) demosift: &'a str,
@@ -389,6 +422,7 @@ pub(crate) struct StudyShown<'a> {
 
 /// `demosift study --dry-run`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct StudyDryRun<'a> {
     pub(crate) study: &'a str,
     pub(crate) dry_run: bool,
@@ -401,6 +435,7 @@ pub(crate) struct StudyDryRun<'a> {
 
 /// `demosift reproduce`
 #[derive(Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Reproduced<'a> {
     pub(crate) experiment: &'a str,
     pub(crate) preset: Option<&'a str>,
