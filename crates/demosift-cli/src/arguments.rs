@@ -392,7 +392,7 @@ pub(crate) struct ExportArguments {
     pub(crate) edit_my_file: bool,
 }
 
-/// What the kept demonstrations are handed on as.
+/// What the kept demonstrations are passed on as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Form {
     /// The list that LeRobot takes as --dataset.episodes

@@ -1,6 +1,6 @@
 //! A run that is asked again with another `keep`, or for more or fewer final policies.
 //!
-//! Judging and the ranking stay as they are. What follows from what is kept is made anew, and that of before is set aside
+//! Judging and the ranking stay as they are. What follows from what is kept is made again, and that of before is set aside
 //! under the name of its `keep`, so that it is there when that is asked for again. `docs/run-folder.md` has the names.
 
 use std::fs;
@@ -23,7 +23,7 @@ const ABOUT_ONE: [&str; 6] = [
     "report.html",
 ];
 
-/// What was last asked for, as far as it may be asked for differently: a preset says nothing of it anew.
+/// What was last asked for, as far as it may be asked for differently: a preset changes nothing of it.
 pub(crate) fn last(begun: &Table) -> Table {
     resolved::changeable(begun)
 }

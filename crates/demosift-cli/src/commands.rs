@@ -11,7 +11,7 @@ mod judge;
 mod meta_train;
 mod oracle;
 mod play;
-mod record;
+pub(crate) mod record;
 mod referee;
 mod report;
 mod reproduce;

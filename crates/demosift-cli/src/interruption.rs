@@ -63,7 +63,7 @@ fn stop(signal: i32, goes_on: GoesOn) {
     let folder = lock(&FOLDER);
     match folder.as_deref() {
         Some(folder) if goes_on != GoesOn::Never => {
-            // A path need not be UTF-8, and nobody would hear of a panic here.
+            // A path need not be UTF-8, and a panic here would be shown to nobody.
             let typed = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
             terminal::say_stopped(folder, &command_to_go_on(typed, goes_on));
         }

@@ -470,7 +470,7 @@ pub(crate) fn default_folder(task: &str, variant: Option<&str>) -> PathBuf {
     Path::new("runs").join(name)
 }
 
-/// More threads than any machine has processors are a slip of the finger, and would be started.
+/// More threads than any machine has processors are a typing mistake, and would be started.
 const MOST_THREADS: usize = 4096;
 
 /// Whether so many threads can be meant.

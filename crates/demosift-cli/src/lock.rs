@@ -179,7 +179,7 @@ pub(crate) fn is_one(name: &str) -> bool {
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Holder {
     host: String,
-    /// Tells machines of the same name apart, and whether it is the same that was started anew; empty where nothing tells.
+    /// Distinguishes machines of the same name, and whether it is the same that was started again; empty where nothing tells.
     machine: String,
     /// Since when the machine runs.
     boot: String,
@@ -247,7 +247,7 @@ fn is_alive(process: u32, since: u64) -> bool {
     }
 }
 
-/// Whether a process only waits for its parent to hear of its end.
+/// Whether a process only waits for its parent to read how it ended.
 fn is_dead(process: u32) -> bool {
     stat(process).and_then(|stat| stat.chars().next()).is_some_and(|state| "ZX".contains(state))
 }

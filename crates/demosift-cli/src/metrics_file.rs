@@ -28,9 +28,12 @@ type Row = (String, String, u64);
 
 /// How much of the file there was at the last checkpoint.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
-struct Measured {
+pub(crate) struct Measured {
+    /// How long it was.
     bytes: usize,
+    /// Of these bytes.
     metrics_sha256: String,
 }
 
@@ -132,7 +135,7 @@ impl Opened {
             let length = self.text.len() as u64;
             grow(&mut self.file, &self.path, length, line.as_bytes())?;
             self.events.append(&event).inspect_err(|_| {
-                // As if it had not been measured: the events are made anew from what stands here.
+                // As if it had not been measured: the events are made again from what stands here.
                 let _ = self.file.set_len(length);
             })
         })?;

@@ -1,7 +1,7 @@
 //! `resolved.toml`: the whole configuration of a run, with its checksum in the last line.
 //!
 //! Most of it must stay as it was when the run began, and `run.json` holds the hash of that part.
-//! The rest may be asked for differently later, and is then written anew.
+//! The rest may be asked for differently later, and is then written again.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! The run folder: what a run depends on, and every noun and checkpoint as a file.
+//! The run folder: what a run depends on, and every result and checkpoint as a file.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -28,6 +28,7 @@ const RUN: &str = "run.json";
 
 /// What a run depends on besides its configuration; kept in `run.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Identity {
     /// The version of demosift that began the run.
@@ -68,6 +69,7 @@ fn first_format() -> u32 {
 
 /// Which prior a run was given.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct PriorOrigin {
     /// The folder of the run that made it.
@@ -78,6 +80,7 @@ pub(crate) struct PriorOrigin {
 
 /// The demonstrations of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Data {
     /// Where they were when the run began.
@@ -198,10 +201,10 @@ fn read_identity(path: &Path) -> Result<Identity> {
             env!("CARGO_PKG_VERSION")
         ))
         .at(path)
-        .with_hint("run it anew with another folder for --out"));
+        .with_hint("run it again with another folder for --out"));
     }
     let damaged = |error: Error| {
-        Error::bad_input(error.message()).at(path).with_hint("run it anew with another folder for --out")
+        Error::bad_input(error.message()).at(path).with_hint("run it again with another folder for --out")
     };
     serde_json::from_slice(&seal::of_json(&bytes, RUN).map_err(damaged)?).map_err(none)
 }
@@ -216,7 +219,7 @@ struct Written {
 
 /// Results and checkpoints as files of one folder.
 ///
-/// It is locked from the first write on: whoever only reads needs no lock, and no right to write.
+/// It is locked from the first write on: reading alone needs no lock, and no right to write.
 #[derive(Debug)]
 pub(crate) struct RunFolder {
     path: PathBuf,

@@ -22,13 +22,14 @@ use crate::terminal;
 const PYTHON: &str = "python3";
 /// How long a start, a reset or a step may take where nobody says.
 const TIME_LIMIT_SECS: u64 = 60;
-/// More workers than any machine has processors are a slip of the finger, and would be started.
+/// More workers than any machine has processors are a typing mistake, and would be started.
 const MOST_WORKERS: usize = 4096;
 /// What a run on a slow environment leaves out, unless it is asked for.
 const SLOW_VALUES: &str = "judges = 'cloning'\nreferee.gail = 0";
 
 /// What a run depends on whose task is an environment; kept in `run.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Simulator {
     /// The interpreter.

@@ -147,7 +147,7 @@ impl<'o> Studied<'o> {
         self.not_believed.retain(|(work, _)| !in_the_way(work));
         if count > 0 {
             terminal::say(&format!(
-                "{count} cells of {} are of {first}, so they are made anew; the old ones are kept in cells/set_aside",
+                "{count} cells of {} are of {first}, so they are made again; the old ones are kept in cells/set_aside",
                 self.folder.path().display()
             ));
         }

@@ -174,7 +174,7 @@ impl Observer for Progress {
     }
 }
 
-/// Says something on the way, such as what is done anew.
+/// Says something on the way, such as what is done again.
 pub(crate) fn say(words: &str) {
     clear_bar();
     let _ = writeln!(std::io::stderr().lock(), "{}", tame(words));

@@ -26,7 +26,7 @@ pub(crate) fn hold() -> MutexGuard<'static, ()> {
 
 /// A file of a run that grows: opened at its end, with all that it holds.
 ///
-/// What lies there is of whoever the run folder came from, so nothing is written through a link.
+/// What lies there may come from another person, as the run folder may, so nothing is written through a link.
 ///
 /// # Errors
 /// `is_bad_input` if it is no plain file; `is_io` if it cannot be opened.

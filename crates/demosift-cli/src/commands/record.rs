@@ -61,7 +61,8 @@ struct Recording {
 
 /// Where a set came from.
 #[derive(Debug, Serialize, Deserialize)]
-struct Provenance {
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Provenance {
     #[serde(flatten)]
     demonstrator: Demonstrator,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -71,7 +72,8 @@ struct Provenance {
 
 /// A finished demonstrator.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Demonstrator {
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Demonstrator {
     /// The task that it plays, in its own body.
     task: String,
     /// TRPO steps.

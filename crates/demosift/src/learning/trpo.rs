@@ -5,7 +5,7 @@
 //! The step is a displacement δ of the parameters that several policies make together, each on its own experience and
 //! with its own weight; one policy on one batch is the ordinary case, and the meta-update of Eq. 2 (first order) is
 //! the case in which each adapted policy θ'_i has its own.
-//! In the exact meta-update (second order) each θ'_i moves as its adaptation carries it along: see [`Adaptation`].
+//! In the exact meta-update (second order) each θ'_i moves as its adaptation moves it: see [`Adaptation`].
 //!
 //! Where we differ: the paper's step size α scales TRPO's largest step, so that the line search accepts α²·KL.
 
@@ -83,6 +83,7 @@ pub struct Step {
 
 /// Why a step ended; not moving is an answer, not an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum StepEnd {
     /// The line search accepted a step.

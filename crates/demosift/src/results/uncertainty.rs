@@ -50,6 +50,7 @@ impl Default for Resampling {
 
 /// How sure a judgment is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Uncertainty {
     /// The probability in each interval.
     pub level: f64,
@@ -71,6 +72,7 @@ pub struct Uncertainty {
 
 /// How sure the judgment of one demonstration is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Doubt {
     /// v_i.
     pub demo: DemoId,

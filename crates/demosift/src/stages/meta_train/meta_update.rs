@@ -33,7 +33,7 @@ pub(super) fn meta_update(
 }
 
 /// Line 18, Eq. 2: θ moves so that all adapted θ'_i imitate better, each by its weight c_i (§4.4); to first order they move
-/// together with it, to second each as its adaptation carries it along.
+/// together with it, to second each as its adaptation moves it.
 ///
 /// The weights share out the trust region too, so that what counts for nothing does not hold θ back.
 pub(super) fn meta_update_policy(

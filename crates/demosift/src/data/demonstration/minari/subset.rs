@@ -12,7 +12,7 @@ use crate::basics::files;
 use crate::data::demonstration::episode::Columns;
 use crate::data::demonstration::hdf5::{self, check_size, damaged};
 
-/// Writes a new data set of some episodes of the `main_data.hdf5` at `original`, numbered anew from 0, with rewards, infos and all
+/// Writes a new data set of some episodes of the `main_data.hdf5` at `original`, numbered again from 0, with rewards, infos and all
 /// else as they are there; its spaces come from the metadata beside it, or from the tables where there is none.
 ///
 /// # Errors
