@@ -13,7 +13,7 @@ fn field_of(line: &str) -> Option<&str> {
 /// Read off the file that declares them, so that a new field cannot be forgotten.
 #[test]
 fn every_field_of_an_answer_stands_in_the_document() {
-    let code = std::fs::read_to_string(in_repository("crates/demosift-cli/src/answers.rs")).unwrap();
+    let code = std::fs::read_to_string(in_repository("crates/demosift-cli/src/answers/mod.rs")).unwrap();
     let document = std::fs::read_to_string(in_repository("docs/json.md")).unwrap();
     let flattened = ["found", "selected", "columns", "column", "forecast"];
     let fields: Vec<&str> =

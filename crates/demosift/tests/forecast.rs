@@ -311,7 +311,8 @@ fn the_oracle_and_named_demonstrations_are_counted_and_not_twice() {
 fn an_oracle_of_a_set_with_gaps_is_counted_and_compares_with_the_best_alone() {
     let whole = set();
     let ids = [1, 3, 4].map(DemoId);
-    let chosen = DemonstrationSet::chosen(ids.to_vec(), ids.map(|id| whole.get(id).clone()).to_vec()).unwrap();
+    let chosen =
+        DemonstrationSet::chosen(ids.to_vec(), ids.map(|id| whole.get(id).clone()).to_vec()).unwrap();
     let (task, config) = (PointMass::new(), tiny(Method::FromScratch, Rule::Gail));
     let playground = Playground::new(&task);
     let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
@@ -324,7 +325,9 @@ fn an_oracle_of_a_set_with_gaps_is_counted_and_compares_with_the_best_alone() {
     assert_eq!(counted, playground.steps_taken() - before);
     assert_eq!(oracle.alone.iter().map(|alone| alone.demo).collect::<Vec<_>>(), ids);
     let best = oracle.kept.unwrap().best_alone;
-    assert!(oracle.alone.iter().all(|alone| alone.mean <= oracle.alone[ids.binary_search(&best).unwrap()].mean));
+    assert!(
+        oracle.alone.iter().all(|alone| alone.mean <= oracle.alone[ids.binary_search(&best).unwrap()].mean)
+    );
 }
 
 #[test]

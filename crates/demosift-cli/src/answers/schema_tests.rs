@@ -14,8 +14,8 @@ use super::{
     TaskCheck, Weigh,
 };
 use crate::commands::record::Provenance;
-use crate::metrics_file::Measured;
-use crate::run_folder::Identity;
+use crate::files::metrics_file::Measured;
+use crate::job::run_folder::Identity;
 
 /// With this variable the files are written and not compared.
 const WRITE: &str = "DEMOSIFT_WRITE_SCHEMAS";

@@ -10,9 +10,9 @@ use demosift::{Error, Result};
 
 use crate::answers;
 use crate::arguments::{ConvertArguments, Target};
-use crate::demonstrations::{self, Opened, Said};
-use crate::writing::undisturbed;
-use crate::{task, terminal};
+use crate::files::writing::undisturbed;
+use crate::job::demonstrations::{self, Opened, Said};
+use crate::{console::terminal, task};
 
 pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
     let Opened { source, path, said, .. } =

@@ -19,10 +19,10 @@ use serde_json::Value;
 use super::convert::{self, Asked};
 use crate::answers::{self, Exported};
 use crate::arguments::{ExportArguments, Form, SetArguments};
-use crate::demonstrations::{self, Demonstrations};
-use crate::run_folder::{self, Data, Identity, RunFolder};
-use crate::writing::undisturbed;
-use crate::{tables, terminal};
+use crate::files::writing::undisturbed;
+use crate::job::demonstrations::{self, Demonstrations};
+use crate::job::run_folder::{self, Data, Identity, RunFolder};
+use crate::{console::terminal, tables};
 
 /// How many demonstrations are named one by one.
 const MOST_NAMED: usize = 20;

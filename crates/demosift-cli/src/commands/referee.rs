@@ -9,7 +9,7 @@ use super::{goals, kept_in};
 use crate::answers::{self, OfRun};
 use crate::arguments::JobArguments;
 use crate::job::Job;
-use crate::{tables, terminal};
+use crate::{console::terminal, tables};
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     goals::run(arguments, Goal::Verdict, Some(Goal::Referee), one).map(drop)

@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use demosift::{Error, Result};
 use toml::{Table, Value};
 
-use crate::resolved::{self, JUDGED_FOR};
-use crate::writing::undisturbed;
+use crate::configuration::resolved::{self, JUDGED_FOR};
+use crate::files::writing::undisturbed;
 
 /// Files that are about one `keep`, and do not say so by their names.
 const ABOUT_ONE: [&str; 6] = [

@@ -1,8 +1,10 @@
 //! The command line as it is typed; [`crate::job`] resolves it.
 
+pub(crate) mod examples;
 mod play;
 mod reproduce;
 mod study;
+pub(crate) mod version;
 
 use std::path::PathBuf;
 
@@ -15,8 +17,7 @@ use demosift::stages::method::Method;
 use demosift::stages::referee::Refereeing;
 use demosift::stages::select::Keep;
 
-use crate::interruption::GoesOn;
-use crate::{examples, version};
+use crate::console::interruption::GoesOn;
 
 pub(crate) use play::{PictureArguments, PlayArguments};
 pub(crate) use reproduce::ReproduceArguments;

@@ -16,7 +16,7 @@ use toml::Table;
 
 use crate::arguments::SimulatorArguments;
 use crate::configuration::Layer;
-use crate::terminal;
+use crate::console::terminal;
 
 /// The interpreter where none is named.
 const PYTHON: &str = "python3";

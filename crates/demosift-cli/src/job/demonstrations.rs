@@ -15,9 +15,9 @@ use demosift::{Error, Result};
 use demosift_mujoco::mujoco_task::MujocoTask;
 
 use crate::arguments::{SetArguments, SourceArguments};
-use crate::run_folder::{self, Data};
+use crate::console::terminal;
+use crate::job::run_folder::{self, Data};
 use crate::task::Chosen;
-use crate::terminal;
 
 /// Demonstrations with the file or folder that they are in.
 pub(crate) struct Demonstrations {

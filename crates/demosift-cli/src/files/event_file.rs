@@ -10,7 +10,7 @@ use demosift::results::tensorboard;
 use demosift::{Error, Result};
 use serde_json::Value;
 
-use crate::writing::{grow, open_to_grow};
+use crate::files::writing::{grow, open_to_grow};
 
 /// TensorBoard looks for `tfevents` in the name.
 const NAME: &str = "events.out.tfevents.demosift";

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use demosift::basics::files;
 use demosift::{Error, Result};
 
-use crate::writing::undisturbed;
+use crate::files::writing::undisturbed;
 
 /// Pictures wait in a hidden folder beside it until all are there.
 pub(crate) struct PictureFolder {

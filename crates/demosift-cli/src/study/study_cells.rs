@@ -16,11 +16,11 @@ use rustix::time::{ClockId, clock_gettime};
 
 use crate::answers::StudyDryRun;
 use crate::arguments::Part;
+use crate::console::terminal::{self, StudyProgress};
 use crate::job;
-use crate::study_file::{Opened, OpenedSet};
-use crate::study_folder::{Recalled, StudyFolder, fingerprint};
+use crate::study::study_file::{Opened, OpenedSet};
+use crate::study::study_folder::{Recalled, StudyFolder, fingerprint};
 use crate::tables::study::{self as table, Kind};
-use crate::terminal::{self, StudyProgress};
 
 /// A study with what is finished of it.
 pub(crate) struct Studied<'o> {

@@ -14,14 +14,14 @@ pub(crate) struct Experiment {
 
 /// In the order of the paper; those that share cells with earlier ones find them.
 pub(crate) const EXPERIMENTS: [Experiment; 8] = [
-    Experiment { name: "fig3", text: include_str!("../reproduce/fig3.toml") },
-    Experiment { name: "fig4", text: include_str!("../reproduce/fig4.toml") },
-    Experiment { name: "fig5", text: include_str!("../reproduce/fig5.toml") },
-    Experiment { name: "fig6", text: include_str!("../reproduce/fig6.toml") },
-    Experiment { name: "fig7", text: include_str!("../reproduce/fig7.toml") },
-    Experiment { name: "fig8", text: include_str!("../reproduce/fig8.toml") },
-    Experiment { name: "fig9", text: include_str!("../reproduce/fig9.toml") },
-    Experiment { name: "table1", text: include_str!("../reproduce/table1.toml") },
+    Experiment { name: "fig3", text: include_str!("../../reproduce/fig3.toml") },
+    Experiment { name: "fig4", text: include_str!("../../reproduce/fig4.toml") },
+    Experiment { name: "fig5", text: include_str!("../../reproduce/fig5.toml") },
+    Experiment { name: "fig6", text: include_str!("../../reproduce/fig6.toml") },
+    Experiment { name: "fig7", text: include_str!("../../reproduce/fig7.toml") },
+    Experiment { name: "fig8", text: include_str!("../../reproduce/fig8.toml") },
+    Experiment { name: "fig9", text: include_str!("../../reproduce/fig9.toml") },
+    Experiment { name: "table1", text: include_str!("../../reproduce/table1.toml") },
 ];
 
 /// The experiments that a name means.
@@ -54,8 +54,8 @@ mod tests {
     use demosift::run::study::{Finished, Only, Study};
 
     use super::*;
-    use crate::study_file::{self, Asked, Source};
-    use crate::study_folder;
+    use crate::study::study_file::{self, Asked, Source};
+    use crate::study::study_folder;
 
     fn data() -> std::path::PathBuf {
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data")

@@ -1,5 +1,11 @@
 //! Arguments as typed become a job: everything is read and checked before the run folder is touched.
 
+pub(crate) mod demonstrations;
+pub(crate) mod fit;
+pub(crate) mod given_prior;
+pub(crate) mod own_heuristic;
+pub(crate) mod run_folder;
+
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
@@ -20,18 +26,17 @@ use demosift::{Error, Result};
 use toml::Table;
 
 use crate::arguments::{JobArguments, PresetName, RunArguments};
-use crate::asked_again;
+use crate::configuration::asked_again;
 use crate::configuration::{self, Layer};
-use crate::demonstrations::{self, Demonstrations};
-use crate::fit;
-use crate::given_prior::GivenPrior;
-use crate::interruption;
-use crate::metrics_file::MetricsFile;
-use crate::own_heuristic::{self, Beside};
-use crate::run_folder::{self, Begun, Data, Identity, PriorOrigin, RunFolder};
-use crate::simulator::{self, Simulated};
+use crate::console::interruption;
+use crate::console::terminal::Progress;
+use crate::files::metrics_file::MetricsFile;
+use crate::task::simulator::{self, Simulated};
 use crate::task::{self, Chosen};
-use crate::terminal::Progress;
+use demonstrations::Demonstrations;
+use given_prior::GivenPrior;
+use own_heuristic::Beside;
+use run_folder::{Begun, Data, Identity, PriorOrigin, RunFolder};
 
 /// Whether a subcommand needs a prior, and so learns one where none is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,5 +1,7 @@
 //! Which task is meant: one that comes with demosift, or a user's own.
 
+pub(crate) mod simulator;
+
 use std::path::Path;
 
 use demosift::basics::files;
@@ -13,7 +15,7 @@ use demosift_mujoco::{names, registry};
 
 use crate::arguments::SimulatorArguments;
 use crate::configuration::Layer;
-use crate::simulator::{self, Earlier, Simulated};
+use simulator::{Earlier, Simulated};
 
 const POINT_MASS: &str = "point_mass";
 /// Configuration values beside a user's task.toml.
@@ -21,14 +23,14 @@ const VALUES_FILE: &str = "config.toml";
 
 /// Values that a task's name brings with it; see [`crate::configuration::preset`] for tables named after a preset.
 const BUILT_IN_VALUES: [(&str, &str); 8] = [
-    (POINT_MASS, include_str!("../configs/point_mass.toml")),
-    ("half_cheetah", include_str!("../configs/half_cheetah.toml")),
-    ("walker2d", include_str!("../configs/walker2d.toml")),
-    ("free_throw", include_str!("../configs/free_throw.toml")),
-    ("penalty_save", include_str!("../configs/penalty_save.toml")),
-    ("free_throw_taller", include_str!("../configs/free_throw_taller.toml")),
-    ("handstand", include_str!("../configs/handstand.toml")),
-    ("martial_arts", include_str!("../configs/martial_arts.toml")),
+    (POINT_MASS, include_str!("../../configs/point_mass.toml")),
+    ("half_cheetah", include_str!("../../configs/half_cheetah.toml")),
+    ("walker2d", include_str!("../../configs/walker2d.toml")),
+    ("free_throw", include_str!("../../configs/free_throw.toml")),
+    ("penalty_save", include_str!("../../configs/penalty_save.toml")),
+    ("free_throw_taller", include_str!("../../configs/free_throw_taller.toml")),
+    ("handstand", include_str!("../../configs/handstand.toml")),
+    ("martial_arts", include_str!("../../configs/martial_arts.toml")),
 ];
 
 /// A task with what a run needs to know about where it comes from.

@@ -17,8 +17,8 @@ use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::event_file::EventFile;
-use crate::writing::{grow, open_to_grow, undisturbed};
+use crate::files::event_file::EventFile;
+use crate::files::writing::{grow, open_to_grow, undisturbed};
 
 const NAME: &str = "metrics.jsonl";
 const MEASURED: &str = "measured.json";

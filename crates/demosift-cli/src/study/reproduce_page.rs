@@ -6,7 +6,7 @@ use demosift::run::study::estimate::{Difference, ENOUGH_SEEDS};
 use demosift::run::study::told::{Spread, Told};
 use demosift::run::study::{By, Measure, imitator_name};
 
-use crate::experiments;
+use crate::study::experiments;
 use crate::tables::{Scale, percent, rounded, study::in_markdown, table, wrapped};
 
 /// What was found.

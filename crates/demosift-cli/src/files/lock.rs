@@ -17,7 +17,7 @@ use demosift::{Error, Result};
 use rustix::io::Errno;
 use rustix::process::{Pid, test_kill_process};
 
-use crate::writing::undisturbed;
+use crate::files::writing::undisturbed;
 
 /// How often it is tried to take a lock that changes hands meanwhile.
 const TRIES: usize = 200;

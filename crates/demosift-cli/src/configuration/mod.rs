@@ -2,6 +2,9 @@
 //!
 //! The preset holds every key there is. A layer may change values, but not bring keys that no one would read.
 
+pub(crate) mod asked_again;
+pub(crate) mod resolved;
+
 use std::path::Path;
 
 use demosift::basics::files;

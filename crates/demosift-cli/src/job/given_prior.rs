@@ -12,9 +12,9 @@ use demosift::{Error, Result};
 use toml::Table;
 
 use crate::configuration;
-use crate::run_folder::{self, Identity, PriorOrigin, RunFolder};
-use crate::simulator::{self, Simulated};
+use crate::job::run_folder::{self, Identity, PriorOrigin, RunFolder};
 use crate::task::Chosen;
+use crate::task::simulator::{self, Simulated};
 
 /// The file of a run that holds its prior.
 const PRIOR: &str = "prior.safetensors";

@@ -10,10 +10,10 @@ use demosift::run::study::{Cell, Fingerprint, Work, hash_of_entering};
 use demosift::{Error, Result};
 
 use crate::arguments::Part;
-use crate::interruption;
-use crate::lock::{self, Lock};
-use crate::study_file::OpenedSet;
-use crate::writing::undisturbed;
+use crate::console::interruption;
+use crate::files::lock::{self, Lock};
+use crate::files::writing::undisturbed;
+use crate::study::study_file::OpenedSet;
 
 const CELLS: &str = "cells";
 const SET_ASIDE: &str = "set_aside";

@@ -26,7 +26,7 @@ mod weigh;
 use demosift::Result;
 
 use crate::arguments::Command;
-use crate::run_folder::RunFolder;
+use crate::job::run_folder::RunFolder;
 
 pub(crate) fn run(command: Command) -> Result<()> {
     match command {

@@ -16,13 +16,13 @@ use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};
 use toml::Table;
 
-use crate::asked_again;
 use crate::configuration;
-use crate::interruption;
-use crate::lock::{self, Lock};
-use crate::resolved::{self, RESOLVED, fixed};
-use crate::simulator::{Earlier, Simulator};
-use crate::writing::undisturbed;
+use crate::configuration::asked_again;
+use crate::configuration::resolved::{self, RESOLVED, fixed};
+use crate::console::interruption;
+use crate::files::lock::{self, Lock};
+use crate::files::writing::undisturbed;
+use crate::task::simulator::{Earlier, Simulator};
 
 const RUN: &str = "run.json";
 

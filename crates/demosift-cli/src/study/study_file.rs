@@ -20,7 +20,7 @@ use serde::Deserialize;
 
 use crate::configuration::{self, Layer};
 use crate::task::{self, Chosen};
-use crate::{demonstrations, fit};
+use crate::{job::demonstrations, job::fit};
 
 pub(crate) use form::{Asked, Source};
 use form::{File, MethodEntry, PoolEntry, RefereeEntry, SetEntry, known_preset, read};

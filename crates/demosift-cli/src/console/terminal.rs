@@ -11,7 +11,7 @@ use demosift::basics::observer::{Event, Observer};
 use demosift::{Error, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::metrics_file::MetricsFile;
+use crate::files::metrics_file::MetricsFile;
 
 /// The first result that could not be shown, and why.
 static NOT_SHOWN: Mutex<Option<Error>> = Mutex::new(None);

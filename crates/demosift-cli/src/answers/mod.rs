@@ -34,11 +34,11 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use crate::job::Job;
-use crate::own_heuristic::Beside;
-use crate::run_folder::Data;
-use crate::simulator::Simulator;
+use crate::job::own_heuristic::Beside;
+use crate::job::run_folder::Data;
 use crate::tables;
 use crate::tables::standing::Found;
+use crate::task::simulator::Simulator;
 
 /// What a command found, and which run it is about.
 #[derive(Serialize)]

@@ -9,9 +9,9 @@ use demosift::data::trajectory::StateLog;
 use demosift::{Error, Result};
 use demosift_mujoco::check::{self, Finding, Presented, Severity};
 
-use crate::demonstrations::{self, Said};
+use crate::console::terminal;
+use crate::job::demonstrations::{self, Said};
 use crate::task::Chosen;
-use crate::terminal;
 
 /// A set that was read for a task, with all that is known of its numbers.
 pub(crate) struct Held<'a> {

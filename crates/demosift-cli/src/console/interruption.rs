@@ -16,7 +16,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use signal_hook::{flag, low_level};
 
-use crate::{lock as locks, terminal, writing};
+use crate::{console::terminal, files::lock as locks, files::writing};
 
 /// The run folder, once there is one.
 static FOLDER: Mutex<Option<PathBuf>> = Mutex::new(None);

@@ -11,7 +11,7 @@ use demosift::{Error, Result};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::replay;
 
-use crate::demonstrations;
+use crate::job::demonstrations;
 
 /// What is shown beside a ranking.
 pub(crate) struct Beside {
