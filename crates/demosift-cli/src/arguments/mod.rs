@@ -33,7 +33,7 @@ pub(crate) struct Demosift {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// The whole job: rank the demonstrations, keep the best, and show that this was worth it
+    /// The whole job: rank the demonstrations, keep the best, and show whether this was worth it
     #[command(after_help = examples::SIFT)]
     Sift(JobArguments),
     /// Train a demonstrator and record its episodes at stages from hopeless to successful
@@ -48,7 +48,7 @@ pub(crate) enum Command {
     /// Rank the demonstrations and keep the best
     #[command(after_help = examples::SELECT)]
     Select(JobArguments),
-    /// Let the demonstrations that help count more and more, and keep those that end up heavy (Algorithm 3 of the paper)
+    /// Increase the weights of demonstrations that help, and keep those with large weights (Algorithm 3 of the paper)
     #[command(after_help = examples::WEIGH)]
     Weigh(JobArguments),
     /// Train final policies on what was kept, on the whole set and on random subsets, several each: does selecting help?
@@ -63,7 +63,7 @@ pub(crate) enum Command {
     /// Find out which judge agrees best with the truth, over many sets and seeds
     #[command(after_help = examples::STUDY)]
     Study(StudyArguments),
-    /// Make an experiment of the paper again: its figures, its numbers, and a page that says what of it holds here
+    /// Repeat an experiment of the paper: its figures, its numbers, and a page that says which of its claims hold here
     #[command(after_help = examples::REPRODUCE)]
     Reproduce(ReproduceArguments),
     /// Write report.html into a run folder: all that the run found as one page to look at, with a 3-D replay
@@ -78,16 +78,16 @@ pub(crate) enum Command {
     /// Write demonstrations in another tool's format
     #[command(after_help = examples::CONVERT)]
     Convert(ConvertArguments),
-    /// Hand on what a run kept, in the idiom of the tool that its demonstrations came from
+    /// Export what a run kept, in the form of the tool that its demonstrations came from
     #[command(after_help = examples::EXPORT)]
     Export(ExportArguments),
-    /// Look after a task of your own
+    /// Make or check a task of your own
     #[command(subcommand)]
     Task(TaskCommand),
     /// List the tasks that come with demosift
     #[command(after_help = examples::TASKS)]
     Tasks(TasksArguments),
-    /// Print what makes a shell complete demosift's commands and options
+    /// Print a script that lets a shell complete demosift's commands and options
     #[command(after_help = examples::COMPLETIONS)]
     Completions(CompletionsArguments),
 }
@@ -183,7 +183,7 @@ pub(crate) struct SetArguments {
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "How the demonstrations are stored, where it cannot be seen")]
 pub(crate) struct SourceArguments {
-    /// The format of the demonstrations, such as robomimic or lerobot-v3 [default: told by looking]
+    /// The format of the demonstrations, such as robomimic or lerobot-v3 [default: recognized by its content]
     #[arg(long, value_name = "FORMAT")]
     pub(crate) format: Option<Format>,
     /// The columns that make an observation, in this order, such as obs/joints,obs/gripper [default: what is usual in the
@@ -200,7 +200,7 @@ pub(crate) struct SourceArguments {
     /// All but these episodes, by the numbers that the file gives them, such as 3 or 3,7-9
     #[arg(long, value_name = "LIST", help_heading = "Which of the demonstrations")]
     pub(crate) without: Option<Numbers>,
-    /// Leave out, and name, every episode from which nobody can learn: empty, of one step, of another size than the others, or
+    /// Leave out, and name, every episode that cannot be learned from: empty, of one step, of another size than the others, or
     /// with a number that is not finite
     #[arg(long, help_heading = "Which of the demonstrations")]
     pub(crate) skip_bad: bool,
@@ -385,7 +385,7 @@ pub(crate) struct ExportArguments {
     /// Steps in a second, which LeRobot wants to know [default: as the task of the run says]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) fps: Option<u32>,
-    /// Hand on these demonstrations instead, such as 0,3,7
+    /// Export these demonstrations instead, such as 0,3,7
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub(crate) demonstration_ids: Vec<usize>,
     /// Allow robomimic-filter-key to add the key to the file of the demonstrations
@@ -490,7 +490,7 @@ pub(crate) struct TaskCheckArguments {
     /// The task: the path of a folder with a task.toml, or a name (see `demosift tasks`)
     #[arg(value_name = "PATH|NAME", required_unless_present = "env")]
     pub(crate) task: Option<String>,
-    /// Demonstrations to hold against it
+    /// Demonstrations to compare with it
     #[arg(long, value_name = "SET")]
     pub(crate) data: Option<PathBuf>,
     /// The root of the random actions

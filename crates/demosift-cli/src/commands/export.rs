@@ -1,4 +1,4 @@
-//! `demosift export`: what a run kept, in the idiom of the tool that its demonstrations came from, and what it trained.
+//! `demosift export`: what a run kept, in the form of the tool that its demonstrations came from, and what it trained.
 
 mod policies;
 
