@@ -18,7 +18,7 @@ usage: cargo xtask COMMAND
 
   setup   fetch the pinned MuJoCo into .mujoco/lib
   test    setup; check format and lints, run all tests
-  demo    setup; build, then sift the eight free throws that the repository carries
+  demo    setup; build, then sift the eight free throws of the repository
   bench   setup; measure the learner and the simulator
   install [--root DIR] [--debug]
           setup; put the command and its MuJoCo where they work without this checkout: DIR/bin and DIR/lib/demosift;
@@ -26,7 +26,8 @@ usage: cargo xtask COMMAND
   fuzz [--seconds N] [TARGET...]
           setup; run each target of fuzz/ for a minute, or those that are named
   torture setup; build, then kill, break and crowd runs, with --full for hours
-  taller  make the taller thrower of Free Throw anew from the thrower";
+  schema  setup; write the JSON Schemas of docs/schema from the types
+  taller  make the taller thrower of Free Throw again from the thrower";
 
 /// Why a command stopped, and the exit code that says so.
 struct Failure {
@@ -55,6 +56,7 @@ fn main() -> ExitCode {
         ["install", ref rest @ ..] => set_up(&root).and_then(|()| install::install(&root, rest)),
         ["fuzz", ref options @ ..] => set_up(&root).and_then(|()| fuzzing::run(&root, options)),
         ["torture", ref options @ ..] => set_up(&root).and_then(|()| steps::torture(&root, options)),
+        ["schema"] => set_up(&root).and_then(|()| steps::schema(&root)),
         ["taller"] => taller::write(&root).map_err(Failure::from),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");

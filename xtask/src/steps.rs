@@ -4,7 +4,7 @@ use crate::Failure;
 use std::path::Path;
 use std::process::Command;
 
-/// The main job on the demonstrations that the repository carries; the output folder follows.
+/// The main job on the demonstrations of the repository; the output folder follows.
 const DEMO: [&str; 8] =
     ["sift", "data/free_throw_8", "--task", "free_throw", "--preset", "quick", "--out", DEMO_OUT];
 const DEMO_OUT: &str = "runs/demo";
@@ -32,6 +32,15 @@ pub(crate) fn demo(root: &Path) -> Result<(), Failure> {
     let job = DEMO.map(|argument| if argument == DEMO_OUT { out.as_str() } else { argument });
     cargo(root, &["build", "--release"])?;
     cargo(root, &[&["run", "--release", "--quiet", "--bin", "demosift", "--"], &job[..]].concat())
+}
+
+/// Writes the schemas of `docs/schema`, which a test compares with the types otherwise.
+pub(crate) fn schema(root: &Path) -> Result<(), Failure> {
+    cargo_with(
+        root,
+        &["test", "--package", "demosift-cli", "--bins", "schema_tests"],
+        &[("DEMOSIFT_WRITE_SCHEMAS", "1")],
+    )
 }
 
 /// The ratios of `docs/results`.
@@ -65,12 +74,18 @@ fn free_folder(root: &Path) -> String {
 
 /// Runs cargo in the checkout, where everybody sees it.
 pub(crate) fn cargo(root: &Path, arguments: &[&str]) -> Result<(), Failure> {
+    cargo_with(root, arguments, &[])
+}
+
+/// The same with environment variables.
+fn cargo_with(root: &Path, arguments: &[&str], variables: &[(&str, &str)]) -> Result<(), Failure> {
     // The cargo that runs xtask, so that both use one toolchain.
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let shown = format!("cargo {}", arguments.join(" "));
     println!("\n$ {shown}");
     let status = Command::new(cargo)
         .args(arguments)
+        .envs(variables.iter().copied())
         .current_dir(root)
         .status()
         .map_err(|error| format!("cannot run cargo: {error}"))?;

@@ -20,7 +20,7 @@ const TALLER_TASK: &str = "crates/demosift-mujoco/tasks/free_throw/taller.toml";
 
 const GENERATED: &str = "Made by `cargo xtask taller`; a test checks that it is still what that makes.";
 
-/// Writes both files anew.
+/// Writes both files again.
 pub(crate) fn write(root: &Path) -> Result<(), String> {
     for (path, text) in files(root)? {
         std::fs::write(root.join(path), text).map_err(|error| format!("cannot write {path}: {error}"))?;

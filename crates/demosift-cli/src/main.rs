@@ -2,39 +2,22 @@
 
 mod answers;
 mod arguments;
-mod asked_again;
 mod commands;
 mod configuration;
-mod demonstrations;
-mod event_file;
-mod examples;
-mod experiments;
-mod fit;
-mod given_prior;
-mod interruption;
+mod console;
+mod files;
 mod job;
-mod lock;
-mod metrics_file;
-mod own_heuristic;
-mod picture_folder;
 mod report;
-mod reproduce_page;
-mod resolved;
-mod run_folder;
-mod simulator;
-mod study_cells;
-mod study_file;
-mod study_folder;
+mod study;
 mod tables;
 mod task;
-mod terminal;
-mod version;
-mod writing;
 
 use std::process::ExitCode;
 
 use clap::Parser as _;
 use demosift::Error;
+
+use console::{interruption, terminal};
 
 /// The user can mend it: wrong data, arguments or configuration, a full disk.
 const USER_MISTAKE: u8 = 2;

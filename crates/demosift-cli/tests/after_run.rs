@@ -1,4 +1,4 @@
-//! What can be asked of a run that is finished: another number to keep, more final policies, what it hands on.
+//! What can be asked of a run that is finished: another number to keep, more final policies, what it passes on.
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -1,6 +1,6 @@
 //! What the command says of itself, and what the documents say of it.
 
-use crate::support::{Scratch, in_repository};
+use crate::support::{Scratch, in_repository, schema};
 
 /// The name of a field that a line of a struct declares.
 fn field_of(line: &str) -> Option<&str> {
@@ -13,7 +13,7 @@ fn field_of(line: &str) -> Option<&str> {
 /// Read off the file that declares them, so that a new field cannot be forgotten.
 #[test]
 fn every_field_of_an_answer_stands_in_the_document() {
-    let code = std::fs::read_to_string(in_repository("crates/demosift-cli/src/answers.rs")).unwrap();
+    let code = std::fs::read_to_string(in_repository("crates/demosift-cli/src/answers/mod.rs")).unwrap();
     let document = std::fs::read_to_string(in_repository("docs/json.md")).unwrap();
     let flattened = ["found", "selected", "columns", "column", "forecast"];
     let fields: Vec<&str> =
@@ -35,4 +35,47 @@ fn the_command_and_its_runs_say_the_version() {
     let run = std::fs::read_to_string(scratch.0.join("run/run.json")).unwrap();
     let run: serde_json::Value = serde_json::from_str(&run).unwrap();
     assert_eq!(run["demosift"], version);
+}
+
+/// The JSON files of a run folder and of a recording, and what commands show of them, against the schemas of their kinds.
+#[test]
+fn every_file_of_a_run_is_as_its_schema_says() {
+    let scratch = Scratch::new("schema");
+    let job = "--task point_mass --config tiny.toml";
+    scratch.succeed(&format!("sift set {job} --keep weights --out run"));
+    scratch.succeed("imitate --out run --resume");
+    scratch.succeed(&format!("{} --unseen 2 --out recorded", crate::support::RECORD));
+    // What is finished is shown again, and `succeed` holds what is shown against the schemas of answers.
+    for command in ["sift", "select", "judge", "weigh", "referee", "meta-train", "imitate"] {
+        scratch.succeed(&format!("{command} --out run --resume --json"));
+    }
+    scratch.succeed("imitate --out run --resume --demonstration-ids 0 --json");
+    for shown in ["report run", "inspect set", "convert set --to minari copy", "tasks"] {
+        scratch.succeed(&format!("{shown} --json"));
+    }
+    let exported = scratch.succeed("export run --as json");
+    schema::assert_valid("export", &serde_json::from_str(&exported).expect("it is JSON"));
+
+    let mut seen = std::collections::BTreeSet::new();
+    for folder in ["run", "recorded"] {
+        for (file, bytes) in scratch.files(folder) {
+            let Some(name) = file.strip_suffix(".json") else { continue };
+            let kind = match name {
+                "unseen_provenance" => "provenance",
+                _ => ["learning_curve", "scores", "spent"]
+                    .into_iter()
+                    .find(|kind| name.starts_with(&format!("{kind}_")))
+                    .unwrap_or(name),
+            };
+            let value = serde_json::from_slice(&bytes).expect("it is JSON");
+            schema::assert_valid(&format!("run-folder/{kind}"), &value);
+            seen.insert(format!("{kind}.json"));
+        }
+    }
+    let schemas = std::fs::read_dir(in_repository("docs/schema/run-folder")).expect("schemas");
+    let unseen: Vec<String> = schemas
+        .map(|entry| entry.expect("an entry").file_name().into_string().expect("UTF-8"))
+        .filter(|name| !seen.contains(name))
+        .collect();
+    assert!(unseen.is_empty(), "nothing was held against {unseen:?}");
 }

@@ -215,7 +215,7 @@ fn no_worker_outlives_the_command() {
     // Not by a signal that could be told of.
     command.kill().unwrap();
     command.wait().unwrap();
-    // Gone, or dead and waiting for whoever inherits it.
+    // Gone, or dead and waiting for its new parent.
     let lives =
         || std::fs::read_to_string(format!("/proc/{worker}/stat")).is_ok_and(|stat| !stat.contains(") Z "));
     let until = Instant::now() + Duration::from_secs(60);

@@ -1,4 +1,4 @@
-//! The command on real physics: the set that the repository carries, with tiny budgets.
+//! The command on real physics: the set of the repository, with tiny budgets.
 
 use crate::support::{Scratch, assert_same_files, in_repository};
 use demosift::basics::seed::Seed;
@@ -105,7 +105,7 @@ fn the_martial_arts_sets_are_whole_and_share_no_demonstration() {
     assert!(starts.windows(2).all(|pair| pair[0] != pair[1]));
 }
 
-/// Equals: all of one stage, whichever it is.
+/// Equals: all of one stage, no matter which.
 #[test]
 fn the_null_sets_are_of_one_policy_each() {
     for name in
@@ -150,7 +150,7 @@ fn penalties_are_judged_under_every_shot() {
     }
 }
 
-/// A run about one of several goals says so wherever it is gone on with, looked at or handed on.
+/// A run about one of several goals says so wherever it is gone on with, looked at or passed on.
 #[test]
 fn a_set_is_sifted_for_one_of_the_goals() {
     let scratch = Scratch::new("one-goal");

@@ -1,4 +1,4 @@
-//! `demosift play` on the set that the repository carries, and on policies that other subcommands wrote.
+//! `demosift play` on the set of the repository, and on policies that other subcommands wrote.
 
 use crate::support::{Scratch, in_repository};
 

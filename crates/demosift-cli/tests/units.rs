@@ -1,4 +1,4 @@
-//! Sets in other units than their task's, as a user meets them: stopped, mended by a set.toml, ranked, and handed on as they were.
+//! Sets in other units than their task's, as a user meets them: stopped, mended by a set.toml, ranked, and passed on as they were.
 
 use std::path::Path;
 
@@ -168,7 +168,7 @@ fn both_sets_then_give_the_same_ranking_and_the_run_remembers_what_was_said() {
     std::fs::write(scratch.0.join("elsewhere.toml"), "actions = { units = 'controls' }").unwrap();
     scratch.succeed(&format!("{again} --set-file elsewhere.toml"));
 
-    // What is handed on is what came in, with what was said of it.
+    // What is passed on is what came in, with what was said of it.
     scratch.succeed("export rad_run --as lerobot --out kept");
     let (kept, all) = (read(&scratch.0.join("kept")), read(&scratch.0.join("rad")));
     assert!(!kept.episodes.is_empty() && kept.says.steps_per_sec == Some(25.0));

@@ -25,6 +25,7 @@ pub const SLOW: f64 = 1000.0;
 
 /// What is found of an environment.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Checked {
     /// Whether it repeats.
     pub trial: Trial,
@@ -48,6 +49,7 @@ pub struct Checked {
 
 /// What is found of demonstrations beside an environment.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Recorded {
     /// The least and the greatest of each number of their actions, as they were recorded.
     pub actions: Vec<[f64; 2]>,
@@ -59,6 +61,7 @@ pub struct Recorded {
 
 /// A demonstration that was played again from its seed with its recorded actions.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Replayed {
     /// Which.
     pub demo: DemoId,

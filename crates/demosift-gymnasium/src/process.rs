@@ -80,7 +80,7 @@ impl Process {
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
-            // Ctrl-C is for whoever asks; and what the environment starts itself can be ended with it.
+            // Ctrl-C is for the command that asks; and what the environment starts itself can be ended with it.
             .process_group(0);
         let mut child = started(command).map_err(|error| no_interpreter(python, &error))?;
         let (asks, answers, words) = (child.stdin.take(), child.stdout.take(), child.stderr.take());

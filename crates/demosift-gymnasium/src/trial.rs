@@ -12,6 +12,7 @@ use crate::units::Units;
 
 /// Whether the same seed and the same actions make the same episode again, with another one played between.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Repeats {
     /// To the last bit.
@@ -24,6 +25,7 @@ pub enum Repeats {
 
 /// What three short episodes showed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Trial {
     /// Whether the first came again.
     pub repeats: Repeats,

@@ -112,7 +112,7 @@ fn the_same_physics_in_python_and_here_play_the_same_bits() {
         assert_eq!((there.steps(), there.ended()), (30, Ended::Horizon));
     }
     let again = played(&python, 4).unwrap();
-    assert_eq!(there, again, "by whichever of the workers");
+    assert_eq!(there, again, "by any of the workers");
 }
 
 #[test]

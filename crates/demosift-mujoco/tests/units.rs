@@ -91,7 +91,7 @@ fn record(task: &MujocoTask) -> Set {
     Set { demonstrations, states }
 }
 
-/// The set with every row of observations and actions made anew.
+/// The set with every row of observations and actions made again.
 fn changed(set: &Set, observe: fn(&[f32]) -> Vec<f32>, act: fn(&[f32]) -> Vec<f32>) -> Vec<Demonstration> {
     let rows = |rows: &Rows, make: fn(&[f32]) -> Vec<f32>| {
         let made: Vec<Vec<f32>> = rows.iter().map(make).collect();

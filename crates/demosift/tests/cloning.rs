@@ -198,7 +198,7 @@ const NOUNS: [&str; 5] = [
     "policy_referee_random_2_gail_1.safetensors",
 ];
 
-fn nouns(ledger: &InMemory) -> Vec<Vec<u8>> {
+fn results(ledger: &InMemory) -> Vec<Vec<u8>> {
     NOUNS.iter().map(|name| ledger.recall(name).unwrap().expect(name)).collect()
 }
 
@@ -213,7 +213,7 @@ fn one_thread_makes_what_four_threads_make() {
         pool.install(|| {
             let mut ledger = InMemory::default();
             sift(config, &mut ledger, &mut Silent);
-            (nouns(&ledger), MetaPrior::recall(&ledger, "").unwrap().unwrap())
+            (results(&ledger), MetaPrior::recall(&ledger, "").unwrap().unwrap())
         })
     };
     let found = kinds().map(|config| {
@@ -245,7 +245,7 @@ fn a_run_killed_at_any_checkpoint_goes_on_to_the_same_bytes() {
             let mut killed = Killed::at(checkpoint, is_checkpoint);
             catch_unwind(AssertUnwindSafe(|| sift(&config, &mut ledger, &mut killed))).expect_err("killed");
             assert_eq!(sift(&config, &mut ledger, &mut Silent), sifted, "killed at checkpoint {checkpoint}");
-            assert_eq!(nouns(&ledger), nouns(&whole), "killed at checkpoint {checkpoint}");
+            assert_eq!(results(&ledger), results(&whole), "killed at checkpoint {checkpoint}");
         }
     }
 }

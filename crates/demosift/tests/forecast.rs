@@ -97,10 +97,14 @@ fn counted(planned: &[Planned]) -> BTreeMap<String, u64> {
 }
 
 /// What each stage of a whole job is said to cost before, and what it then plays.
-fn before_and_after(task: &PointMass, config: &Config) -> (BTreeMap<String, u64>, BTreeMap<String, u64>) {
-    let (set, playground) = (set(), Playground::new(task));
+fn before_and_after(
+    set: &DemonstrationSet,
+    task: &PointMass,
+    config: &Config,
+) -> (BTreeMap<String, u64>, BTreeMap<String, u64>) {
+    let playground = Playground::new(task);
     let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
-    let run = &mut Run { set: &set, playground: &playground, config, ledger, observer };
+    let run = &mut Run { set, playground: &playground, config, ledger, observer };
     let planned = forecast::planned(run, Goal::Verdict).unwrap();
     assert_eq!(playground.steps_taken(), 0, "counting plays nothing");
     experiment::sift(run).unwrap();
@@ -134,15 +138,59 @@ fn what_is_counted_is_what_is_played() {
         (PointMass::with_goals(2), Rule::BehavioralCloning),
     ] {
         for (name, method) in Method::ALL {
-            assert_counted(&before_and_after(&task, &tiny(method, rule)), &format!("{name}, {rule:?}"));
+            assert_counted(
+                &before_and_after(&set(), &task, &tiny(method, rule)),
+                &format!("{name}, {rule:?}"),
+            );
         }
         for method in [Method::Maml, Method::MamlMi] {
             let config = Config { keep: Keep::Weights, ..tiny(method, rule) };
-            let found = before_and_after(&task, &config);
+            let found = before_and_after(&set(), &task, &config);
             assert!(found.0.contains_key("subset_selection"), "{:?}", found.0);
             assert_counted(&found, &format!("by weights, {rule:?}"));
         }
     }
+}
+
+/// Sizes of the set, goals, judges, repeats, updates, episodes and batches in combination, without the referee, whose trainings
+/// are not known before: stage by stage, to the step.
+#[test]
+fn over_a_grid_of_configurations_what_is_counted_is_what_is_played() {
+    let directions = [0.0, 90.0, 180.0, 270.0, 45.0];
+    let methods = Method::ALL.map(|(_, method)| method);
+    let mut stages = BTreeMap::new();
+    for (index, (count, goals, judges, repeats)) in grid().into_iter().enumerate() {
+        let (set, task) =
+            (planted_set(&directions[..count], Seed::new(2)).unwrap(), PointMass::with_goals(goals));
+        let mut config = tiny(methods[index % methods.len()], Rule::Gail);
+        (config.judges, config.referee, config.seed) = (judges, "none".parse().unwrap(), index as u64);
+        let has_prior = judges != Judges::Cloning && config.method.stage() == Some("meta_train");
+        config.keep = if has_prior && index % 3 == 0 { Keep::Weights } else { Keep::Count(1) };
+        (config.judge.repeats, config.judge.evaluations) = (repeats, 1 + index % 3);
+        (config.meta_train.meta_batch, config.inner.batch_steps) = (1 + index % 6, 60 + 50 * (index % 3));
+        let cloning = &mut config.cloning_judge.judging;
+        (cloning.repeats, cloning.iterations, cloning.evaluations) = (1 + index % 2, 1 + index % 4, repeats);
+        config.subset_selection.meta_updates = 1 + index % 2;
+        let (planned, spent) = before_and_after(&set, &task, &config);
+        assert_eq!(planned, spent, "{count} demonstrations, {goals} goals, {config:?}");
+        planned.into_keys().for_each(|stage| *stages.entry(stage).or_insert(0) += 1);
+    }
+    // The grid is about something: each stage was there several times.
+    let wanted = ["judge_cloning", "judge_paper", "meta_train", "pre_train", "subset_selection"];
+    assert_eq!(stages.keys().collect::<Vec<_>>(), wanted.iter().collect::<Vec<_>>());
+    assert!(stages.values().all(|times| *times >= 2), "{stages:?}");
+}
+
+fn grid() -> Vec<(usize, usize, Judges, usize)> {
+    let mut grid = Vec::new();
+    for count in [2, 5] {
+        for goals in [1, 3] {
+            for judges in [Judges::Cloning, Judges::Paper, Judges::Both] {
+                grid.extend([1, 3].map(|repeats| (count, goals, judges, repeats)));
+            }
+        }
+    }
+    grid
 }
 
 /// Repeats that a race spares are not known before.
@@ -256,6 +304,30 @@ fn the_oracle_and_named_demonstrations_are_counted_and_not_twice() {
     experiment::learning_curve(run, "two", &demos).unwrap();
     assert_eq!(named[0].environment_steps, playground.steps_taken() - one);
     assert_eq!(forecast::planned(run, Goal::Policy("two", &demos)).unwrap(), []);
+}
+
+/// Demonstrations keep the numbers of their file where some are left out.
+#[test]
+fn an_oracle_of_a_set_with_gaps_is_counted_and_compares_with_the_best_alone() {
+    let whole = set();
+    let ids = [1, 3, 4].map(DemoId);
+    let chosen =
+        DemonstrationSet::chosen(ids.to_vec(), ids.map(|id| whole.get(id).clone()).to_vec()).unwrap();
+    let (task, config) = (PointMass::new(), tiny(Method::FromScratch, Rule::Gail));
+    let playground = Playground::new(&task);
+    let (ledger, observer) = (&mut InMemory::default(), &mut Silent);
+    let run = &mut Run { set: &chosen, playground: &playground, config: &config, ledger, observer };
+    experiment::learning_curve(run, "subset", &[DemoId(4)]).unwrap();
+    let before = playground.steps_taken();
+    let planned = forecast::planned(run, Goal::Oracle { repeats: 2, random: 1 }).unwrap();
+    let oracle = experiment::oracle(run, 2, 1).unwrap();
+    let counted: u64 = planned.iter().map(|planned| planned.environment_steps).sum();
+    assert_eq!(counted, playground.steps_taken() - before);
+    assert_eq!(oracle.alone.iter().map(|alone| alone.demo).collect::<Vec<_>>(), ids);
+    let best = oracle.kept.unwrap().best_alone;
+    assert!(
+        oracle.alone.iter().all(|alone| alone.mean <= oracle.alone[ids.binary_search(&best).unwrap()].mean)
+    );
 }
 
 #[test]

@@ -599,7 +599,7 @@ fn videos_go_with_the_episodes_that_are_written() {
     assert_eq!(info["video_path"], "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4");
     assert_eq!(format!("{:?}", found.videos).matches(&format!("to_secs: {:?}", 5.0 / rate)).count(), 2);
 
-    // One that is not there is named, and the other camera is handed on.
+    // One that is not there is named, and the other camera is passed on.
     fs::remove_file(path.join("videos/chunk-000/observation.images.top/episode_000001.mp4")).unwrap();
     let fewer = lerobot::description(&path, &source).unwrap().videos;
     let [missing] = &fewer.missing[..] else { panic!("{:?}", fewer.missing) };

@@ -183,7 +183,7 @@ fn by_weights(seed: u64, method: Method) -> Config {
     Config { keep: Keep::Weights, ..small(seed, method) }
 }
 
-/// Of two demonstrations that are equally good it may keep one: whichever is ahead by luck gains by every round.
+/// Of two demonstrations that are equally good it may keep one: the one that is ahead by luck gains in every round.
 #[test]
 fn algorithm_3_weights_of_good_demonstrations_rise_and_of_bad_ones_fall() {
     let runs = (0..5).map(|seed| (seed, Method::Maml)).chain([(5, Method::MamlMi)]);
@@ -207,7 +207,7 @@ fn is_checkpoint(event: &Event<'_>) -> bool {
 /// To the same bytes, those that tell what was spent among them.
 #[test]
 fn a_method_killed_at_any_checkpoint_goes_on_to_the_same_bytes() {
-    let nouns = |ledger: &InMemory| format!("{ledger:?}");
+    let results = |ledger: &InMemory| format!("{ledger:?}");
     for method in [Method::Maml, Method::MamlMi, Method::AvgFineTune, Method::FromScratch] {
         let mut config = by_weights(4, method);
         // With mutual information a round plays six times as much here, and the budget should pay for two.
@@ -237,7 +237,7 @@ fn a_method_killed_at_any_checkpoint_goes_on_to_the_same_bytes() {
             let mut killed = Killed::at(kill, is_checkpoint);
             catch_unwind(AssertUnwindSafe(|| all(&mut ledger, &mut killed))).expect_err("killed");
             all(&mut ledger, &mut Silent);
-            assert_eq!(nouns(&ledger), nouns(&whole), "{method} killed at checkpoint {kill}");
+            assert_eq!(results(&ledger), results(&whole), "{method} killed at checkpoint {kill}");
         }
     }
 }

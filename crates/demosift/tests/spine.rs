@@ -327,7 +327,7 @@ const NOUNS: [&str; 14] = [
     "learning_curve_referee_random_2_cloning_1.json",
 ];
 
-fn nouns(ledger: &InMemory) -> Vec<Vec<u8>> {
+fn results(ledger: &InMemory) -> Vec<Vec<u8>> {
     NOUNS.iter().map(|name| ledger.recall(name).unwrap().expect(name)).collect()
 }
 
@@ -338,7 +338,7 @@ fn one_thread_makes_what_four_threads_make() {
         pool.install(|| {
             let mut ledger = InMemory::default();
             sift(config, &mut ledger, &mut Silent);
-            nouns(&ledger)
+            results(&ledger)
         })
     };
     let (plain, informed) = (on(1, &brief(4)), on(1, &informed(4)));
@@ -367,7 +367,7 @@ fn goes_on_to_the_same_bytes(config: &Config) {
         let mut killed = Killed::at(kill, is_kept);
         catch_unwind(AssertUnwindSafe(|| sift(config, &mut ledger, &mut killed))).expect_err("killed");
         assert_eq!(sift(config, &mut ledger, &mut Silent), sifted, "killed at checkpoint {kill}");
-        assert_eq!(nouns(&ledger), nouns(&whole), "killed at checkpoint {kill}");
+        assert_eq!(results(&ledger), results(&whole), "killed at checkpoint {kill}");
     }
 }
 

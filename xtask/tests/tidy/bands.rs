@@ -1,4 +1,5 @@
-//! The bands of the library, a folder each, and what may use what: read off the folders and the paths in the files.
+//! The bands of the library and of the command, a folder each, and what may use what: read off the folders and the paths in the
+//! files.
 
 use crate::Violation;
 use crate::modules::{Modules, Use, paths};
@@ -6,7 +7,10 @@ use crate::sources::{Source, is_word};
 use std::collections::{BTreeMap, BTreeSet};
 
 pub(crate) const LIBRARY: &str = "crates/demosift/src/";
+pub(crate) const COMMAND: &str = "crates/demosift-cli/src/";
 const TABLE: &str = "ARCHITECTURE.md";
+/// Below this heading stands the table of the command; that of the library stands above it.
+const OF_COMMAND: &str = "## The folders of the command";
 /// The highest band that the MuJoCo crate may see: everything above is an algorithm.
 const PLAYING: &str = "world";
 
@@ -32,29 +36,47 @@ const APART: [(&[&str], &[&str]); 6] = [
     (&REMARKS, &REMARKS),
 ];
 
-/// The bands, the lowest first.
-pub(crate) struct Bands(Vec<String>);
+/// The bands of a crate.
+pub(crate) struct Bands {
+    /// The folder of the crate's root, which ends with `/`.
+    root: &'static str,
+    /// The lowest first.
+    names: Vec<String>,
+}
 
 impl Bands {
-    /// Reads the rows of the table that begin with a folder's name in backticks, with `/` at its end.
+    /// Those of the library.
     pub(crate) fn read(markdown: &str) -> Self {
+        let above = markdown.split_once(OF_COMMAND).map_or(markdown, |(above, _)| above);
+        Self::of_table(LIBRARY, above)
+    }
+
+    /// Those of the command.
+    pub(crate) fn of_command(markdown: &str) -> Self {
+        let (_, below) =
+            markdown.split_once(OF_COMMAND).unwrap_or_else(|| panic!("no {OF_COMMAND} in {TABLE}"));
+        Self::of_table(COMMAND, below)
+    }
+
+    /// Reads the rows of the table that begin with a folder's name in backticks, with `/` at its end.
+    fn of_table(root: &'static str, markdown: &str) -> Self {
         let folder = |line: &str| {
             let cell = line.strip_prefix("| `")?.split_once("/` |")?.0;
             cell.chars().all(is_word).then(|| cell.to_owned())
         };
-        Self(markdown.lines().filter_map(folder).collect())
+        Self { root, names: markdown.lines().filter_map(folder).collect() }
     }
 
     /// The place of a module's band, from 0.
     fn place(&self, module: &str) -> Option<usize> {
         let band = module.split("::").next().unwrap_or(module);
-        self.0.iter().position(|name| name == band)
+        self.names.iter().position(|name| name == band)
     }
 }
 
-/// The table names each folder of the library once, and no file but the root lies beside them.
-pub(crate) fn table_names_the_folders(bands: &Bands, library: &[Source]) -> Vec<Violation> {
-    let modules = Modules::of(LIBRARY, library);
+/// The table names each folder of the crate once, and no file but the root lies beside them.
+pub(crate) fn table_names_the_folders(bands: &Bands, sources: &[Source]) -> Vec<Violation> {
+    let modules = Modules::of(bands.root, sources);
     let beside = modules.files().filter(|(module, _)| !module.is_empty()).filter_map(|(module, source)| {
         let message = match bands.place(module) {
             None => format!("`{module}` lies in no folder that the table of {TABLE} names"),
@@ -63,10 +85,10 @@ pub(crate) fn table_names_the_folders(bands: &Bands, library: &[Source]) -> Vec<
         };
         Some(Violation::new(&source.path, 1, "bands", message))
     });
-    let stale = bands.0.iter().enumerate().filter_map(|(place, name)| {
+    let stale = bands.names.iter().enumerate().filter_map(|(place, name)| {
         let problem = if !modules.holds(name) {
-            "is no folder of the library"
-        } else if bands.0[..place].contains(name) {
+            "is no folder of the crate"
+        } else if bands.names[..place].contains(name) {
             "stands in the table twice"
         } else {
             return None;
@@ -77,13 +99,13 @@ pub(crate) fn table_names_the_folders(bands: &Bands, library: &[Source]) -> Vec<
 }
 
 /// A band uses lower ones only.
-pub(crate) fn uses_go_down(bands: &Bands, library: &[Source]) -> Vec<Violation> {
+pub(crate) fn uses_go_down(bands: &Bands, sources: &[Source]) -> Vec<Violation> {
     let upward = |used: &Use<'_>| {
         let (from, to) = (bands.place(&used.user)?, bands.place(&used.used)?);
-        let message = format!("`{}` uses `{}`, and `{}` lies above", used.user, used.used, bands.0[to]);
+        let message = format!("`{}` uses `{}`, and `{}` lies above", used.user, used.used, bands.names[to]);
         (to > from).then(|| Violation::new(&used.source.path, used.line, "bands", message))
     };
-    Modules::of(LIBRARY, library).uses().iter().filter_map(upward).collect()
+    Modules::of(bands.root, sources).uses().iter().filter_map(upward).collect()
 }
 
 /// Files side by side do not use each other in a circle.
@@ -149,7 +171,7 @@ pub(crate) fn named_modules_exist(
             let mut words = name.trim_start_matches("demosift::").split("::");
             let (Some(band), Some(second)) = (words.next(), words.next()) else { continue };
             let module: String = second.chars().take_while(|character| is_word(*character)).collect();
-            if bands.0.iter().any(|of| of == band) && !modules.holds(&format!("{band}::{module}")) {
+            if bands.names.iter().any(|of| of == band) && !modules.holds(&format!("{band}::{module}")) {
                 let message = format!("`{name}`: `{band}` has no module `{module}`");
                 violations.push(Violation::new(path, index + 1, "named modules", message));
             }

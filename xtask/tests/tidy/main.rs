@@ -11,13 +11,12 @@ mod packages;
 mod rules;
 mod sources;
 
-use bands::{Bands, LIBRARY};
+use bands::{Bands, COMMAND, LIBRARY};
 use sources::{Source, checkout, files, read, rust_files};
 use std::fmt;
 
 const MUJOCO: &str = "crates/demosift-mujoco/src/";
 const GYMNASIUM: &str = "crates/demosift-gymnasium/src/";
-const COMMAND: &str = "crates/demosift-cli/src/";
 
 /// One place that breaks one rule.
 pub(crate) struct Violation {
@@ -61,6 +60,10 @@ fn crates() -> Vec<Source> {
 
 fn real_bands() -> Bands {
     Bands::read(&read("ARCHITECTURE.md"))
+}
+
+fn bands_of_command() -> Bands {
+    Bands::of_command(&read("ARCHITECTURE.md"))
 }
 
 /// Fails with every violation, one per line.
@@ -109,6 +112,7 @@ fn planted_bands() -> Bands {
 #[test]
 fn the_table_names_the_folders() {
     tidy(bands::table_names_the_folders(&real_bands(), &library()));
+    tidy(bands::table_names_the_folders(&bands_of_command(), &command()));
 }
 
 #[test]
@@ -146,6 +150,7 @@ fn the_table_names_the_folders_catches() {
 #[test]
 fn bands_use_lower_ones_only() {
     tidy(bands::uses_go_down(&real_bands(), &library()));
+    tidy(bands::uses_go_down(&bands_of_command(), &command()));
 }
 
 #[test]
@@ -209,6 +214,20 @@ fn bands_use_lower_ones_only_catches_it_in_real_files() {
         let (library, place) = with_line(library(), &format!("{LIBRARY}{file}"), line);
         caught_among(&bands::uses_go_down(&real_bands(), &library), &place);
     }
+    for (file, line) in [
+        ("files/lock.rs", "use crate::console::terminal;"),
+        ("job/fit.rs", "use crate::{answers, job::own_heuristic};"),
+        ("tables/panel.rs", "use crate::answers::Spending;"),
+    ] {
+        let (command, place) = with_line(command(), &format!("{COMMAND}{file}"), line);
+        caught_among(&bands::uses_go_down(&bands_of_command(), &command), &place);
+    }
+    let mut beside = command();
+    beside.push(Source::new("crates/demosift-cli/src/planted.rs", ""));
+    caught(
+        &bands::table_names_the_folders(&bands_of_command(), &beside),
+        &["crates/demosift-cli/src/planted.rs:1"],
+    );
 }
 
 #[test]
@@ -255,7 +274,7 @@ fn files_use_each_other_in_no_circle_catches_it_in_real_files() {
         (LIBRARY, library(), "run/study/parts.rs", "use super::Study;"),
         (MUJOCO, mujoco(), "task/task_file.rs", "use crate::task::reset::Reset;"),
         (MUJOCO, mujoco(), "task/blueprint.rs", "use crate::environment::MujocoEnvironment;"),
-        (COMMAND, command(), "writing.rs", "use crate::{interruption::GoesOn, terminal};"),
+        (COMMAND, command(), "files/writing.rs", "use crate::console::{interruption::GoesOn, terminal};"),
     ] {
         let (sources, place) = with_line(sources, &format!("{folder}{file}"), line);
         caught_among(&bands::no_circles(folder, &sources), &place);
@@ -392,7 +411,7 @@ fn only_the_terminal_prints_catches() {
         planted("trpo", talk),
         Source::new("crates/demosift-cli/src/main.rs", "fn f() { eprintln!() }"),
         Source::new("crates/demosift-cli/src/job.rs", "fn f() { writeln!(std::io::stdout(), \"x\") }"),
-        Source::new("crates/demosift-cli/src/terminal.rs", talk),
+        Source::new("crates/demosift-cli/src/console/terminal.rs", talk),
         Source::new("crates/demosift/benches/learner.rs", talk),
         Source::new("crates/demosift-mujoco/build.rs", talk),
         planted("nn/mlp_tests", talk),

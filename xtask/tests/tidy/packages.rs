@@ -165,7 +165,7 @@ fn dependencies_are_used(packages: &[Package], sources: &[Source]) -> Vec<Violat
     violations
 }
 
-/// Every file that is built in lies in the package of whoever builds it in.
+/// Every file that is built in lies in the package that builds it in.
 fn built_in_files_are_packaged(
     sources: &[Source],
     packaged: &BTreeMap<String, BTreeSet<String>>,
@@ -264,7 +264,7 @@ struct Terms<'a> {
 }
 
 impl Terms<'_> {
-    /// Whether whoever holds these licenses only may use it.
+    /// Whether it may be used under these licenses alone.
     fn allow(&mut self, licenses: &BTreeSet<String>) -> bool {
         self.either(licenses) && self.next == self.words.len()
     }
@@ -427,7 +427,10 @@ fn built_in_files_lie_in_their_package_catches() {
             "crates/demosift-mujoco/src/registry.rs",
             "const PLANTED: &str = include_str!(\"../../../README.md\");",
         ),
-        ("crates/demosift-cli/src/task.rs", "const PLANTED: &[u8] = include_bytes!(\"../tests/study.rs\");"),
+        (
+            "crates/demosift-cli/src/task/mod.rs",
+            "const PLANTED: &[u8] = include_bytes!(\"../../tests/study.rs\");",
+        ),
     ] {
         let (sources, place) = with_line(rust_files("crates"), file, line);
         caught(&built_in_files_are_packaged(&sources, &packaged), &[&place]);

@@ -10,10 +10,10 @@ const UNSAFE_FILES: [&str; 3] = [
     "crates/demosift/src/math/nn/product.rs",
     "crates/demosift/benches/learner.rs",
 ];
-const TERMINAL: &str = "crates/demosift-cli/src/terminal.rs";
+const TERMINAL: &str = "crates/demosift-cli/src/console/terminal.rs";
 /// The file that talks to another process.
 const CHILD: &str = "crates/demosift-gymnasium/src/process.rs";
-/// The modules that hand on the simulator's states of recorded episodes.
+/// The modules that pass on the simulator's states of recorded episodes.
 const STATES_READER: &str = "crates/demosift/src/data/demonstration/";
 const MOST_LINES: usize = 600;
 /// The file that says where recorded demonstrations came from.

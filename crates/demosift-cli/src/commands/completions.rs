@@ -3,7 +3,7 @@
 use clap::CommandFactory as _;
 
 use crate::arguments::{CompletionsArguments, Demosift};
-use crate::terminal;
+use crate::console::terminal;
 
 pub(crate) fn run(arguments: &CompletionsArguments) {
     let mut script = Vec::new();

@@ -10,9 +10,9 @@ use demosift::{Error, Result};
 
 use crate::answers;
 use crate::arguments::{ConvertArguments, Target};
-use crate::demonstrations::{self, Opened, Said};
-use crate::writing::undisturbed;
-use crate::{task, terminal};
+use crate::files::writing::undisturbed;
+use crate::job::demonstrations::{self, Opened, Said};
+use crate::{console::terminal, task};
 
 pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
     let Opened { source, path, said, .. } =
@@ -71,7 +71,7 @@ pub(super) fn described(source: &Source, path: &Path, said: &Said, asked: &Asked
     };
     if asked.fps.is_some_and(|fps| fps != described.steps_per_sec) && !described.videos.cameras.is_empty() {
         let left = format!(
-            "the videos are not handed on: they are of {} pictures in a second",
+            "the videos are not passed on: they are of {} pictures in a second",
             described.steps_per_sec
         );
         described.videos = Videos { missing: vec![left], ..Videos::default() };

@@ -9,9 +9,9 @@ use demosift::world::environment::Task;
 
 use crate::answers::DryRun;
 use crate::arguments::RunArguments;
+use crate::console::terminal;
 use crate::job::Job;
 use crate::tables;
-use crate::terminal;
 
 /// What counting cannot know.
 const EARLY: &str = "Episodes of this task may end early, and the steps are counted as if none did: learning to imitate and \

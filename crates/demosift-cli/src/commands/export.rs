@@ -1,4 +1,4 @@
-//! `demosift export`: what a run kept, in the idiom of the tool that its demonstrations came from, and what it trained.
+//! `demosift export`: what a run kept, in the form of the tool that its demonstrations came from, and what it trained.
 
 mod policies;
 
@@ -19,10 +19,10 @@ use serde_json::Value;
 use super::convert::{self, Asked};
 use crate::answers::{self, Exported};
 use crate::arguments::{ExportArguments, Form, SetArguments};
-use crate::demonstrations::{self, Demonstrations};
-use crate::run_folder::{self, Data, Identity, RunFolder};
-use crate::writing::undisturbed;
-use crate::{tables, terminal};
+use crate::files::writing::undisturbed;
+use crate::job::demonstrations::{self, Demonstrations};
+use crate::job::run_folder::{self, Data, Identity, RunFolder};
+use crate::{console::terminal, tables};
 
 /// How many demonstrations are named one by one.
 const MOST_NAMED: usize = 20;
@@ -165,14 +165,14 @@ fn choice_of_run(run: &Path, identity: &Identity, folder: &RunFolder) -> Result<
     })
 }
 
-/// What is handed on, for whoever may think of something else.
+/// What is passed on, for users who may expect something else.
 fn in_words(kept: &Kept) -> String {
     let (count, of) = (kept.ids.len(), kept.demonstrations.set.len());
     let which = if count > MOST_NAMED { String::new() } else { format!(": {}", tables::list(&kept.ids)) };
     format!("{count} of {of} demonstrations, {}{which}", kept.chosen_by)
 }
 
-/// Says of policies from demonstrations that were named that these are not what is handed on.
+/// Says of policies from demonstrations that were named that these are not what is passed on.
 fn others_imitated(kept: &Kept) -> Result<Option<String>> {
     let run = kept.folder.path();
     let names = policies::names(run)?;
@@ -200,7 +200,7 @@ fn check_known(ids: &[DemoId], set: &DemonstrationSet, run: &Path) -> Result<()>
         ))
         .at(run)
         .with_hint(
-            "its files are of another run, or were changed; run it anew with another folder for --out",
+            "its files are of another run, or were changed; run it again with another folder for --out",
         )),
     }
 }

@@ -9,9 +9,9 @@ use serde_json::Value;
 use super::{dry_run, judge};
 use crate::answers::Goals;
 use crate::arguments::{JobArguments, RunArguments};
+use crate::console::terminal;
 use crate::job::{Job, Prior};
 use crate::tables::by_variant;
-use crate::terminal;
 
 /// The head of a command that does `one` for each goal: opens the job and does it, or says what it would cost; `whole` is what
 /// would be done of a task with one goal, and `after` what for each of several.

@@ -11,7 +11,7 @@ use super::{dry_run, goals, kept_in, select};
 use crate::answers::{self, OfRun};
 use crate::arguments::ImitateArguments;
 use crate::job::{Job, Prior};
-use crate::{tables, terminal};
+use crate::{console::terminal, tables};
 
 pub(crate) fn run(arguments: &ImitateArguments) -> Result<()> {
     let ids = &arguments.demonstration_ids;

@@ -14,13 +14,13 @@ use demosift_mujoco::check::{Finding, Severity};
 use super::task::{mended, told};
 use crate::answers;
 use crate::arguments::InspectArguments;
-use crate::demonstrations::{self, Opened, Said};
-use crate::fit::{self, Held};
+use crate::job::demonstrations::{self, Opened, Said};
+use crate::job::fit::{self, Held};
 use crate::report::looks;
 use crate::report::page::name_of_set;
 use crate::tables::{table, wrapped};
 use crate::task::Chosen;
-use crate::{task, terminal};
+use crate::{console::terminal, task};
 
 /// Episodes and columns that are shown one by one before only the odd ones are.
 const SHOWN: usize = 24;

@@ -12,7 +12,7 @@ use crate::job::{Job, Prior};
 use crate::tables::by_variant;
 use crate::tables::costs;
 use crate::tables::judgment::{self, Judgment};
-use crate::{tables, terminal};
+use crate::{console::terminal, tables};
 
 pub(crate) fn run(arguments: &JudgeArguments) -> Result<()> {
     let JudgeArguments { job: arguments, prior, part: PartArgument { part } } = arguments;

@@ -8,9 +8,9 @@ use demosift::stages::method::Method;
 use super::{dry_run, kept_in};
 use crate::answers::{self, OfRun};
 use crate::arguments::JobArguments;
+use crate::console::terminal;
 use crate::job::{Job, Prior};
 use crate::tables::costs;
-use crate::terminal;
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = Job::open(arguments, Prior::Needed)?;

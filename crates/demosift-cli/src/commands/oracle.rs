@@ -8,9 +8,9 @@ use demosift::{Error, Result};
 use super::{dry_run, kept_in, part};
 use crate::answers::OfRun;
 use crate::arguments::OracleArguments;
+use crate::console::terminal;
 use crate::job::{Job, Prior};
 use crate::tables::{self, Scale};
-use crate::terminal;
 
 pub(crate) fn run(arguments: &OracleArguments) -> Result<()> {
     let OracleArguments { repeats, random, .. } = *arguments;

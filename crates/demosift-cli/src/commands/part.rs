@@ -1,19 +1,10 @@
 //! A part of a run's work, on one of several machines that share its folder.
 
 use demosift::Result;
-use serde::Serialize;
 
+use crate::answers::PartDone;
+use crate::console::terminal;
 use crate::job::Job;
-use crate::terminal;
-
-/// What a part answers.
-#[derive(Debug, Serialize)]
-struct PartDone<'a> {
-    part: String,
-    /// What other parts have not finished, in words.
-    left: Vec<String>,
-    run_folder: &'a std::path::Path,
-}
 
 /// What other parts have to do, in words, if they have not done it; all other errors stay errors.
 pub(super) fn left<T>(outcome: Result<T>) -> Result<Option<String>> {
@@ -29,7 +20,7 @@ pub(super) fn done(job: &Job, command: &str, left: &[String], json: bool) {
     let Some(part) = job.part() else { return };
     let run_folder = job.folder().path();
     if json {
-        terminal::show_json(&PartDone { part: part.to_string(), left: left.to_vec(), run_folder });
+        terminal::show_json(&PartDone { part: part.to_string(), left, run_folder });
         return;
     }
     let state = match left {

@@ -20,14 +20,14 @@ use demosift_mujoco::replay;
 
 use crate::answers;
 use crate::arguments::{PictureArguments, PlayArguments, SetArguments};
-use crate::demonstrations::{self, Demonstrations};
+use crate::console::terminal::{self, Progress};
+use crate::files::picture_folder::PictureFolder;
 use crate::job;
-use crate::picture_folder::PictureFolder;
-use crate::run_folder::{self, Identity};
-use crate::simulator;
+use crate::job::demonstrations::{self, Demonstrations};
+use crate::job::run_folder::{self, Identity};
 use crate::tables::{self, Scale};
+use crate::task::simulator;
 use crate::task::{self, Chosen};
-use crate::terminal::{self, Progress};
 
 /// One episode, played or replayed.
 struct Episode {

@@ -25,13 +25,13 @@ use super::{dry_run, kept_in};
 use crate::answers;
 use crate::arguments::{RecordArguments, RunArguments};
 use crate::configuration;
+use crate::console::terminal::{self, Progress};
+use crate::files::metrics_file::MetricsFile;
+use crate::files::writing::undisturbed;
+use crate::job::run_folder::RunFolder;
 use crate::job::{self, Asked, Request};
-use crate::metrics_file::MetricsFile;
-use crate::run_folder::RunFolder;
 use crate::tables::{self, Scale};
 use crate::task::Chosen;
-use crate::terminal::{self, Progress};
-use crate::writing::undisturbed;
 
 /// Where the demonstrations came from: apart from them, so that nothing that judges reads it.
 const PROVENANCE_FILE: &str = "provenance.json";
@@ -61,7 +61,8 @@ struct Recording {
 
 /// Where a set came from.
 #[derive(Debug, Serialize, Deserialize)]
-struct Provenance {
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Provenance {
     #[serde(flatten)]
     demonstrator: Demonstrator,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -71,7 +72,8 @@ struct Provenance {
 
 /// A finished demonstrator.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Demonstrator {
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub(crate) struct Demonstrator {
     /// The task that it plays, in its own body.
     task: String,
     /// TRPO steps.

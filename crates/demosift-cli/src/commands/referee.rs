@@ -11,7 +11,7 @@ use super::{goals, kept_in, part};
 use crate::answers::{self, OfRun};
 use crate::arguments::{JobArguments, PartArgument, RefereeArguments};
 use crate::job::{Job, Prior};
-use crate::{tables, terminal};
+use crate::{console::terminal, tables};
 
 pub(crate) fn run(arguments: &RefereeArguments) -> Result<()> {
     let RefereeArguments { job: arguments, part: PartArgument { part } } = arguments;

@@ -12,10 +12,10 @@ use demosift::run::experiment;
 
 use crate::answers::ReportMade;
 use crate::arguments::ReportArguments;
+use crate::console::terminal;
+use crate::job::run_folder;
 use crate::job::{Job, Prior};
 use crate::report::{page, replay};
-use crate::run_folder;
-use crate::terminal;
 
 /// The report's file in a run folder.
 const PAGE: &str = "report.html";

@@ -11,13 +11,13 @@ use demosift::{Error, Result};
 
 use crate::answers;
 use crate::arguments::{PresetName, ReproduceArguments};
-use crate::experiments;
-use crate::reproduce_page::{Made, Page, Shown, Summarized, summary};
-use crate::study_cells::{Missing, Results, Studied, read_results, threads};
-use crate::study_file::{self, Asked, Source};
+use crate::console::terminal;
+use crate::files::writing::undisturbed;
+use crate::study::experiments;
+use crate::study::reproduce_page::{Made, Page, Shown, Summarized, summary};
+use crate::study::study_cells::{Missing, Results, Studied, read_results, threads};
+use crate::study::study_file::{self, Asked, Source};
 use crate::tables;
-use crate::terminal;
-use crate::writing::undisturbed;
 
 /// Where the sets lie in a checkout.
 const DATA: &str = "data";

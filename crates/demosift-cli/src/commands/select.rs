@@ -11,10 +11,10 @@ use serde_json::Value;
 use super::{goals, kept_in};
 use crate::answers::{self, OfRun};
 use crate::arguments::JobArguments;
+use crate::console::terminal;
 use crate::job::{Job, Prior};
 use crate::tables::judgment::{self, Judgment, Kept};
 use crate::tables::{costs, weights};
-use crate::terminal;
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let run = &arguments.run;

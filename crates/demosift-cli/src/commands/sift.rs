@@ -11,10 +11,10 @@ use super::{goals, judge, kept_in, report, select};
 use crate::answers::{self, OfRun};
 use crate::arguments::JobArguments;
 use crate::job::Job;
-use crate::own_heuristic::Beside;
+use crate::job::own_heuristic::Beside;
 use crate::tables::judgment::{self, Judgment, Kept};
 use crate::tables::{costs, weights};
-use crate::{tables, terminal};
+use crate::{console::terminal, tables};
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let mut job = goals::run(arguments, Goal::Verdict, Some(Goal::Referee), one)?;

@@ -18,11 +18,11 @@ use demosift::world::environment::EnvVariant;
 use super::{dry_run, kept_in};
 use crate::answers::{self, OfRun};
 use crate::arguments::JobArguments;
-use crate::given_prior::GivenPrior;
+use crate::console::terminal;
 use crate::job::Job;
+use crate::job::given_prior::GivenPrior;
 use crate::tables::costs;
 use crate::tables::standing::{self as tables, Account, Found};
-use crate::terminal;
 
 pub(super) fn run(arguments: &JobArguments, prior: &Path) -> Result<()> {
     let given = GivenPrior::open(prior)?;

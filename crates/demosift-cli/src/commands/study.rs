@@ -10,10 +10,10 @@ use demosift::{Error, Result};
 
 use crate::answers;
 use crate::arguments::StudyArguments;
-use crate::study_cells::{Missing, Results, Studied, read_results, threads};
-use crate::study_file::{self, Asked, Source};
+use crate::console::terminal;
+use crate::study::study_cells::{Missing, Results, Studied, read_results, threads};
+use crate::study::study_file::{self, Asked, Source};
 use crate::tables;
-use crate::terminal;
 
 /// The file of results in the folder of a study.
 const RESULTS: &str = "study";

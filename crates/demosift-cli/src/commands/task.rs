@@ -15,11 +15,11 @@ use demosift_mujoco::mujoco_task::MujocoTask;
 
 use crate::answers;
 use crate::arguments::{SetArguments, TaskCheckArguments, TaskCommand};
-use crate::demonstrations::{self, Opened, Said};
-use crate::fit::{self, Held};
+use crate::job::demonstrations::{self, Opened, Said};
+use crate::job::fit::{self, Held};
 use crate::tables::{self, Scale, table, wrapped};
 use crate::task::{self, Chosen};
-use crate::{simulator, terminal};
+use crate::{console::terminal, task::simulator};
 
 /// Rows that a table has before it sums up.
 const SHOWN: usize = 24;

@@ -1,7 +1,7 @@
 //! `demosift tasks`: which tasks come with demosift.
 
 use crate::arguments::TasksArguments;
-use crate::{task, terminal};
+use crate::{console::terminal, task};
 
 pub(crate) fn run(arguments: &TasksArguments) {
     let names = task::names();

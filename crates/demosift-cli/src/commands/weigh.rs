@@ -7,9 +7,9 @@ use demosift::run::forecast::Goal;
 use super::{dry_run, kept_in};
 use crate::answers::{self, OfRun};
 use crate::arguments::JobArguments;
+use crate::console::terminal;
 use crate::job::{Job, Prior};
 use crate::tables::{costs, weights};
-use crate::terminal;
 
 pub(crate) fn run(arguments: &JobArguments) -> Result<()> {
     let check = |_: &_, config: &Config| experiment::check_has_weights(config.method);

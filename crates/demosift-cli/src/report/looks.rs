@@ -7,7 +7,7 @@ use demosift::{Error, Result};
 use serde::Serialize;
 
 use super::page::{Part, assembled};
-use crate::run_folder::write_if_new;
+use crate::job::run_folder::write_if_new;
 
 const TEMPLATE: &str = include_str!("looks.html");
 const PARTS: [Part; 3] = [

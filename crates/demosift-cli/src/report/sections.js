@@ -35,7 +35,7 @@ function fact(value, words) {
 }
 
 const CONCLUSIONS = {
-  helps: "Selecting helps", fewer_helps: "Fewer help, whichever", cannot_tell: "It cannot be told",
+  helps: "Selecting helps", fewer_helps: "Fewer help, no matter which", cannot_tell: "It cannot be told",
   does_not_help: "Take the whole set", nothing_to_compare: "Nothing to compare",
 };
 

@@ -7,7 +7,7 @@ use demosift::results::uncertainty::Uncertainty;
 use demosift::stages::judge::ScoreTable;
 use demosift::stages::select::{Keep, Ranking, Subset};
 
-use crate::own_heuristic::Beside;
+use crate::job::own_heuristic::Beside;
 
 use super::{Scale, WIDTH, is_kept, list, percent, table, wrapped};
 

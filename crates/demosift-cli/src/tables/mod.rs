@@ -62,7 +62,7 @@ impl<'a> Scale<'a> {
 
     pub(crate) fn plain(self, score: Score) -> String {
         let written = format!("{score:.*}", self.decimals);
-        // A zero with a sign tells nobody anything.
+        // A zero with a sign means nothing.
         if written.trim_start_matches('-').chars().all(|digit| matches!(digit, '0' | '.')) {
             return written.trim_start_matches('-').to_owned();
         }

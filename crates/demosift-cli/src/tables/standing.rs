@@ -44,7 +44,7 @@ pub(crate) fn likeness(ids: &[DemoId], likeness: Option<&[Likeness]>) -> String 
     let one = if unlike.len() == 1 { "Demonstration" } else { "Demonstrations" };
     let what = format!(
         "{one} {}: unlike all that the prior was trained on, farther from each of them than any of them is from its nearest. \
-         An agent that has learned to imitate those may fail at this; judging the whole set anew tells.",
+         An agent that has learned to imitate those may fail at this; judging the whole set again tells.",
         list(&unlike)
     );
     format!("{}\n\n", wrapped(&what))

@@ -266,6 +266,7 @@ fn in_tenths(share: f64) -> String {
 
 /// Cells of one kind that are still to be made.
 #[derive(Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Kind {
     pub(crate) name: String,
     pub(crate) cells: usize,

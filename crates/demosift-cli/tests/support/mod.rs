@@ -1,5 +1,7 @@
 //! Runs the command as a user would, in a folder of its own.
 
+pub(crate) mod schema;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -90,7 +92,13 @@ impl Scratch {
         // Progress is for terminals; what was left out, or can be done next, is for everybody.
         let is_note = |line: &str| line.starts_with("note: ");
         assert!(complaint.lines().all(is_note), "where nobody looks at a terminal: {complaint}");
-        String::from_utf8(output.stdout).unwrap()
+        let shown = String::from_utf8(output.stdout).unwrap();
+        // All that is shown as JSON is held against its schema; of several answers, the first.
+        if arguments.contains("--json") {
+            let mut answers = serde_json::Deserializer::from_str(&shown).into_iter();
+            answers.next().into_iter().for_each(|answer| schema::assert_answer(arguments, &answer.unwrap()));
+        }
+        shown
     }
 
     /// All files of a folder by name, but those in folders of its own.
@@ -118,7 +126,7 @@ pub(crate) fn rewritten(file: &Path, change: impl FnOnce(&mut serde_json::Value)
     std::fs::write(file, seal::to_json(&value)).unwrap();
 }
 
-/// A file that the repository carries.
+/// A file of the repository.
 pub(crate) fn in_repository(path: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..").join(path)
 }

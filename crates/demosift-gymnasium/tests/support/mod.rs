@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// The point mass and its faulty kin.
+/// The point mass and faulty variants of it.
 pub(crate) fn environments() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../demosift-gymnasium/tests/environments/point.py")
 }

@@ -7,6 +7,7 @@ use super::Drift;
 
 /// Where the simulator's states of demonstrations are known from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum StatesFrom {
     /// The set holds them.
@@ -19,6 +20,7 @@ pub enum StatesFrom {
 
 /// A set in a task.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Recorded {
     /// Where the states are known from.
     pub states: StatesFrom,
@@ -28,6 +30,7 @@ pub struct Recorded {
 
 /// A demonstration in a task.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Compared {
     /// T.
     pub steps: usize,

@@ -33,6 +33,7 @@ const SKIPS: u32 = 50;
 
 /// How far a replay of all actions goes from the recorded positions, rad or m.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Drift {
     /// The greatest difference of the whole episode; infinite if the replay became unstable.
     pub greatest: f64,

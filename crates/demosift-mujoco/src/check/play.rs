@@ -1,7 +1,7 @@
 //! What random actions do in a task: whether the simulation holds, what varies, and whether the heuristic can tell episodes apart.
 //!
 //! In every other episode each action is held for a tenth of the episode, since a heavy robot hardly follows actions that are
-//! drawn anew at every step.
+//! drawn again at every step.
 
 use demosift::Result;
 use demosift::basics::seed::{Rng, Seed};
@@ -31,6 +31,7 @@ const DEEP: f64 = 0.02;
 
 /// The result of random actions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Tried {
     /// Episodes, spread evenly over the variants.
     pub episodes: usize,
@@ -64,6 +65,7 @@ pub struct Tried {
 
 /// The values that a number took.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Range {
     /// What the number is.
     pub name: String,

@@ -12,6 +12,7 @@ use crate::task::reward::Term;
 
 /// A task as its model and its task file describe it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Seen {
     /// The task's name.
     pub name: String,
@@ -61,6 +62,7 @@ pub struct Seen {
 
 /// An actuator and the range of its control, which actions in [−1, 1] are scaled to.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Actuator {
     /// Its name.
     pub name: String,
@@ -72,6 +74,7 @@ pub struct Actuator {
 
 /// A part of an observation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Part {
     /// Its key in the task file, such as `qpos`.
     pub key: String,
@@ -85,6 +88,7 @@ pub struct Part {
 
 /// A measurement.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Measured {
     /// Its name in the task file.
     pub name: String,

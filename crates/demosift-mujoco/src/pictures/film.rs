@@ -10,7 +10,7 @@ use crate::pictures::picture::{Animation, Picture, TEXT_HEIGHT, text_width};
 use crate::pictures::render::Viewpoint;
 use crate::replay::Replay;
 
-/// How observers hear of the work; its unit is a picture.
+/// How observers are told of the work; its unit is a picture.
 pub const STAGE: &str = "film";
 
 /// A clip shows no picture for a shorter time: many viewers slow such clips down.

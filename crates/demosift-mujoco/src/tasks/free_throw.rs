@@ -24,7 +24,7 @@ const HOOP_RADIUS: f64 = 0.25;
 const MISS_PER_MISSING_WIDTH: f64 = 4.0;
 
 /// Pairs of reward for a step without a miss, and the miss in m at which it has fallen to 1/e.
-/// The first one tells a hit from a near miss, the second one a throw from a drop.
+/// The first one distinguishes a hit from a near miss, the second one a throw from a drop.
 const REWARDS: [(f64, f64); 2] = [(0.5, 0.4), (0.3, 2.0)];
 
 /// Columns of the measurements that the reward needs.

@@ -27,7 +27,7 @@ const GLIDE_SECS: f64 = 0.3;
 const SAVED: f64 = 20.0;
 
 /// Pairs of worth without a miss, and the miss in m at which it has fallen to 1/e.
-/// The first one tells a save from a near miss, the second one a dive to the right side from one to the wrong side.
+/// The first one distinguishes a save from a near miss, the second one a dive to the right side from one to the wrong side.
 const WORTHS: [(f64, f64); 2] = [(6.0, 0.3), (6.0, 1.0)];
 
 /// Columns of the measurements that the reward needs.

@@ -86,7 +86,7 @@ impl Error {
         self
     }
 
-    /// What was wrong, without the file that it is about: for what is handed on to others.
+    /// What was wrong, without the file that it is about: for what is passed on to others.
     pub fn message(&self) -> &str {
         &self.0.message
     }

@@ -53,7 +53,7 @@ pub enum Event<'a> {
         /// The state, to be written by [`crate::results::artifact`].
         state: &'a dyn Snapshot,
     },
-    /// All of a stage's part is done, and its result is stored next: whoever holds something back writes it down now.
+    /// All of a stage's part is done, and its result is stored next: an observer that holds something back writes it down now.
     Finished {
         /// The stage.
         stage: &'a str,

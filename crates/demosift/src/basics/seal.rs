@@ -1,7 +1,7 @@
-//! A file that carries its own SHA-256, so that a changed bit is an error and never a result.
+//! A file that contains its own SHA-256, so that a changed bit is an error and never a result.
 //!
 //! The digest stands in the file as hexadecimal digits, and is that of the whole file with zeros in their place.
-//! File and digest are one write, so nothing has to be kept in step, whoever else writes into the same folder, and a file
+//! File and digest are one write, so nothing has to be kept in step, no matter who else writes into the same folder, and a file
 //! that is copied elsewhere stays whole.
 
 use serde::Serialize;

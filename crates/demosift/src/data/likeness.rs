@@ -13,6 +13,7 @@ use crate::math::statistics;
 
 /// What is known of the demonstrations that a prior was trained on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TrainedOn {
     /// A summary of each, `[n][2 (obs + act)]`.
@@ -21,6 +22,7 @@ pub struct TrainedOn {
 
 /// How far a demonstration is from what a prior was trained on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Likeness {
     /// To the nearest of them: the root of the mean square over the numbers of a summary.
     pub distance: f64,

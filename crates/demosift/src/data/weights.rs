@@ -6,6 +6,7 @@ use crate::data::demonstration::{DemoId, DemonstrationSet};
 
 /// W: a weight above 0 for each demonstration of a set, by its position in the file; 0 stands for what is not of the set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Weights(Vec<f64>);
 
 impl Weights {

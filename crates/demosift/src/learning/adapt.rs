@@ -38,6 +38,7 @@ use crate::world::rollout::{self, Acting, Playground};
 
 /// The rule by which a demonstration is imitated (§4.1.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Rule {
     /// Generative adversarial imitation learning, with TRPO.
@@ -204,6 +205,7 @@ pub struct Played {
 
 /// What one update saw and did; what its rule does not know is not there.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct UpdateReport {
     /// Mean heuristic of the episodes played before the update, if there were any.
     pub score: Option<Score>,

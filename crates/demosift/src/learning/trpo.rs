@@ -76,6 +76,7 @@ pub struct Step {
 
 /// Why a step ended; not moving is an answer, not an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum StepEnd {
     /// The line search accepted a step.

@@ -14,6 +14,7 @@ const STANDARD_ERRORS: f64 = 2.0;
 
 /// How much better one policy is than another, with the noise that the episodes show.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Gain {
     /// The difference of the mean heuristics.
     pub gain: Score,
@@ -34,6 +35,7 @@ pub fn gain(of: &CurvePoint, over: &CurvePoint) -> Gain {
 
 /// A subset beside random subsets of the same size.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct AgainstRandom {
     /// By how much it is better than they are on average.
     pub gain: Score,

@@ -13,6 +13,7 @@ use crate::world::heuristic::Score;
 
 /// What the oracle says of a set.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Oracle {
     /// Each demonstration alone, in the order of the set.
     pub alone: Vec<Alone>,
@@ -25,6 +26,7 @@ pub struct Oracle {
 
 /// What one demonstration teaches alone.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Alone {
     /// v_i.
     pub demo: DemoId,
@@ -36,6 +38,7 @@ pub struct Alone {
 
 /// How well the gains of a ranking agree with what the demonstrations teach alone.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Agreement {
     /// Spearman's rank correlation.
     pub spearman: f64,
@@ -47,6 +50,7 @@ pub struct Agreement {
 
 /// Which share of the ranking's top K are among the top K alone.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct HitRate {
     /// K.
     pub k: usize,
@@ -56,6 +60,7 @@ pub struct HitRate {
 
 /// What the policy from the kept demonstrations is worth beside others.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Worth {
     /// Its heuristic at the end of learning.
     pub score: Score,

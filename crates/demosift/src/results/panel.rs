@@ -20,6 +20,7 @@ use crate::stages::select::{self, Ranking};
 
 /// Who judges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Judge {
     /// Behavioral cloning of each demonstration by policies that know nothing.
@@ -69,6 +70,7 @@ impl Judges {
 
 /// Whether what a judge says counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Vote {
     /// It does.
@@ -83,6 +85,7 @@ pub enum Vote {
 
 /// What one judge says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Opinion {
     /// Who.
     pub judge: Judge,
@@ -99,6 +102,7 @@ pub struct Opinion {
 
 /// A demonstration of which one judge is sure that it belongs to the best K, and the other that it does not.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Disagreement {
     /// v_i.
     pub demo: DemoId,
@@ -108,6 +112,7 @@ pub struct Disagreement {
 
 /// What the judges say of a set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Panel {
     /// One per judge, in the order in which they were asked.
     pub opinions: Vec<Opinion>,

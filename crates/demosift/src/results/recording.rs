@@ -35,6 +35,7 @@ pub struct Recorded {
 
 /// Where a demonstration came from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Origin {
     /// Its place in the set.
     pub demonstration: usize,

@@ -55,6 +55,7 @@ pub struct Sources<'a> {
 
 /// All that a run found.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// The task's name.
     pub task: String,
@@ -112,6 +113,7 @@ pub struct Report {
 
 /// A place of the ranking.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Entry {
     /// v_i.
     pub demo: DemoId,
@@ -141,6 +143,7 @@ pub struct Entry {
 
 /// A judge of the set.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct JudgeShown {
     /// Who.
     pub judge: Judge,
@@ -154,6 +157,7 @@ pub struct JudgeShown {
 
 /// What one judge says of a demonstration.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Said {
     /// Its place, from 1.
     pub place: usize,
@@ -167,6 +171,7 @@ pub struct Said {
 
 /// What the repeats of an adaptation went through.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct AdaptationCurve {
     /// Whose.
     pub judge: Judge,
@@ -186,6 +191,7 @@ pub struct AdaptationCurve {
 
 /// A number over the repeats.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Band {
     /// The least.
     pub low: f64,
@@ -197,6 +203,7 @@ pub struct Band {
 
 /// A column of numbers beside the ranking.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ColumnShown {
     /// The scorer.
     pub name: String,
@@ -212,6 +219,7 @@ pub struct ColumnShown {
 
 /// The policy from the kept demonstrations beside the one from all.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Learning {
     /// Learning curve of the kept.
     pub subset: Vec<CurvePoint>,
@@ -229,6 +237,7 @@ pub struct Learning {
 
 /// W over the rounds of Algorithm 3.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct WeightTrends {
     /// After each round, `[rounds][n]`, in the order of the set.
     pub rounds: Vec<Vec<f64>>,
@@ -240,6 +249,7 @@ pub struct WeightTrends {
 
 /// Environment steps.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Spending {
     /// What every method may spend on learning to imitate and on judging.
     pub quota: u64,

@@ -15,6 +15,7 @@ use crate::world::heuristic::Score;
 
 /// Where a demonstration would stand, had it been in the earlier set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Standing {
     /// Which of the new ones.
     pub demo: DemoId,

@@ -50,6 +50,7 @@ impl Default for Resampling {
 
 /// How sure a judgment is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Uncertainty {
     /// The probability in each interval.
     pub level: f64,
@@ -72,6 +73,7 @@ pub struct Uncertainty {
 
 /// How sure the judgment of one demonstration is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Doubt {
     /// v_i.
     pub demo: DemoId,
@@ -96,6 +98,7 @@ pub struct Doubt {
 
 /// How probable it is to be among the K best, for one K.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Top {
     /// K.
     pub k: usize,
@@ -107,6 +110,7 @@ pub struct Top {
 
 /// How probable it is that one demonstration is among the K best.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct InTop {
     /// v_i.
     pub demo: DemoId,

@@ -46,6 +46,7 @@ mod checkpointing;
 mod checks;
 mod chosen;
 mod judging;
+mod made_with;
 mod oracle;
 mod verdict;
 
@@ -68,7 +69,7 @@ use crate::stages::meta_train::{MetaTraining, MutualInformation};
 use crate::stages::method::{Costs, Method, Spent};
 use crate::stages::referee::{self, Refereeing, Verdict};
 use crate::stages::select::{self, Keep, Ranking, Subset};
-use crate::stages::subset_selection::{self, Means, SubsetSelection, Weighing, WeighingState};
+use crate::stages::subset_selection::{self, SubsetSelection, Weighing, WeighingState};
 use crate::world::policy::PolicyShape;
 use crate::world::rollout::Playground;
 
@@ -80,12 +81,14 @@ pub(crate) use chosen::cut;
 use chosen::cut_of_judging;
 pub use chosen::{kept_part, worth_training_on};
 pub use judging::{
-    budget, check_budget, first_start, hand_on, hand_on_prior, judging, judging_seed, opinion, panel, prior,
-    scores,
+    first_start, hand_on, hand_on_prior, judging, judging_seed, opinion, panel, prior, scores,
 };
-pub(crate) use judging::{cloning_update, information, learning, learning_seed};
+pub(crate) use made_with::{
+    Preparation, cloning_update, information, judged_by, learning_by, learning_seed, preparation, weighed_by,
+};
+pub use made_with::{budget, check_budget};
+pub(crate) use oracle::{OracleTraining, oracle_part, oracle_trainings, random_part};
 pub use oracle::{oracle, oracle_curve, policy_from_kept, random_subset};
-pub(crate) use oracle::{oracle_part, random_part};
 pub(crate) use verdict::rest as rest_of_verdict;
 pub use verdict::{BEST, verdict};
 
@@ -145,7 +148,7 @@ pub struct Run<'a> {
     pub config: &'a Config,
     /// Stores the results.
     pub ledger: &'a mut dyn Ledger,
-    /// Hears of progress.
+    /// Receives the progress.
     pub observer: &'a mut dyn Observer,
 }
 
@@ -206,13 +209,8 @@ fn check_known(set: &DemonstrationSet, demos: impl IntoIterator<Item = DemoId>, 
             "{what} name demonstration {demo}, which is not of the set of {} demonstrations",
             set.len()
         ))
-        .with_hint("the run folder holds files of another run; run it anew with another folder for --out")),
+        .with_hint("the run folder holds files of another run; run it again with another folder for --out")),
     }
-}
-
-/// The random numbers of the selection by weights.
-pub(crate) fn weighing_seed(config: &Config) -> Seed {
-    Seed::new(config.seed).of(subset_selection::STAGE)
 }
 
 /// MetaPrior → Weighing: a subset by weights (Algorithm 3), with the trends of the weights.
@@ -224,14 +222,13 @@ pub fn weighing(run: &mut Run<'_>, prior: &MetaPrior) -> Result<Weighing> {
     }
     check_has_weights(run.config.method)?;
     let Run { set, playground, config, ledger, observer } = run;
-    let seed = weighing_seed(config);
+    let by = weighed_by(config);
+    let seed = &by.seed;
     let start = || Ok(WeighingState::start(set, prior.clone(), information(config), &seed.of("start")));
     let stage = subset_selection::STAGE;
     let (state, mut checkpointing) = Checkpointing::begin(*ledger, *observer, playground, stage, "", start)?;
-    let means =
-        Means { selection: &config.subset_selection, learning: learning(config), judging: &config.judge };
     let weighing =
-        subset_selection::select_subset(set, playground, &means, state, &seed, &mut checkpointing)?;
+        subset_selection::select_subset(set, playground, &by.means, state, seed, &mut checkpointing)?;
     checkpointing.finish("", &weighing)?;
     Ok(weighing)
 }

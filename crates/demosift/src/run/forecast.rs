@@ -20,7 +20,7 @@ use crate::math::rows::Rows;
 use crate::results::panel::Judge;
 use crate::run::experiment::{self, Run};
 use crate::stages::demonstrator::{self, DemonstratorState, DemonstratorTraining};
-use crate::stages::meta_train::{self, Learning, MetaState, MetaTraining};
+use crate::stages::meta_train::{self, MetaState, MetaTraining};
 use crate::stages::referee::imitation_by;
 use crate::world::environment::EnvVariant;
 use crate::world::policy::Policy;
@@ -31,6 +31,7 @@ pub use counting::{Goal, Planned, Recording, planned, planned_recording};
 
 /// What a run will cost.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Forecast {
     /// What is still to be done, in the order of the flow; empty if all is done.
     pub stages: Vec<Foreseen>,
@@ -62,6 +63,7 @@ impl Forecast {
 
 /// A stage with its time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Foreseen {
     /// What is planned.
     #[serde(flatten)]
@@ -188,7 +190,7 @@ impl Probe<'_, '_> {
         seconds_per_unit(clock, || {
             let from = state.take().expect("each trial leaves one");
             let training = MetaTraining { rounds: from.rounds + 1, meta_batch, ..config.meta_train.clone() };
-            let learning = Learning { training: &training, ..experiment::learning(config) };
+            let learning = experiment::learning_by(config, &training);
             state = Some(meta_train::meta_train(set, playground, &learning, from, seed, &mut Silent)?);
             Ok(1.0)
         })

@@ -154,6 +154,7 @@ fn subset_name(demos: &[DemoId]) -> String {
 
 /// What a part of a cell cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Cost {
     /// Environment steps.
@@ -247,6 +248,7 @@ impl JudgingResult {
 
 /// How good a policy is, by episodes of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Outcome {
     /// Mean heuristic.
@@ -262,6 +264,7 @@ pub struct Outcome {
 
 /// Evaluations in the course of a training, `[points]` each.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Curve {
     /// Updates made until then.
@@ -293,6 +296,7 @@ impl Curve {
 
 /// The result of training once.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct TrainingResult {
     /// The last policy; the truth is taken from it, since no choice flatters it.

@@ -145,6 +145,7 @@ pub fn train(
 
 /// How a policy does, over a number of episodes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Outcome {
     /// Episodes played.
     pub episodes: usize,

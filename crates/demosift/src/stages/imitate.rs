@@ -72,6 +72,7 @@ impl LearningCurve {
 
 /// One evaluation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct CurvePoint {
     /// Updates made so far.
     #[serde(default)]

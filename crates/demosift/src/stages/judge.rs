@@ -15,7 +15,7 @@
 //! Where we differ: an adaptation is repeated with other random numbers and the outcomes are pooled, and what is evaluated
 //! is the mean of its last θ, since a single θ of one short adaptation is a noisy witness.
 //! Repeats go where they are needed: who surely belongs to one side of the cut gets no more of them (`race.rs`).
-//! θ may also be a policy that knows nothing, drawn anew for each repeat; that is judging from scratch (§5.4).
+//! θ may also be a policy that knows nothing, drawn again for each repeat; that is judging from scratch (§5.4).
 
 mod collecting;
 mod crew;
@@ -80,6 +80,7 @@ impl Judging {
 
 /// S_{v|e} with everything that it was made of.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Suitability {
     /// v_i.
     pub demo: DemoId,
@@ -150,6 +151,7 @@ fn mean_of_means(scores: &[Vec<Score>]) -> Score {
 
 /// All suitabilities of a set: variants in order, demonstrations in order within each.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ScoreTable {
     /// One per adaptation target.
     pub suitabilities: Vec<Suitability>,

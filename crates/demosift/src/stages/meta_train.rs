@@ -24,7 +24,7 @@
 //! What line 14 adds is held fixed too.
 //! Under behavioral cloning lines 8 and 18 are supervised learning, line 19 has no discriminator to move, and nothing is
 //! played but for the curve and for mutual information, whose line 14 is a policy gradient as for GAIL (§4.2).
-//! The batch of line 2 is drawn anew in each round, and line 5 draws one variant for each demonstration: with few
+//! The batch of line 2 is drawn again in each round, and line 5 draws one variant for each demonstration: with few
 //! trajectories, more rounds say more than more variants in each.
 
 mod cloning;

@@ -33,6 +33,7 @@ use crate::world::rollout::Playground;
 
 /// How the parameters are made that judging adapts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
     /// Meta-imitation-learning (§4.1).
@@ -214,6 +215,7 @@ fn affordable(prices: impl Iterator<Item = u64>, budget: u64) -> usize {
 
 /// Environment steps that a stage of a run really played.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Spent {
     /// In all, evaluations among them.
     pub environment_steps: u64,

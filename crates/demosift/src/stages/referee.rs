@@ -53,6 +53,7 @@ pub const IMITATORS: [Rule; 2] = [Rule::BehavioralCloning, Rule::Gail];
 
 /// How often each candidate is imitated from scratch, written `none`, or such as `cloning=10,gail=3`; not in the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Refereeing {
     /// Trainings by behavioral cloning.
@@ -148,6 +149,7 @@ impl NamedSubset {
 
 /// On which side of the comparison a candidate stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Side {
     /// What was kept.
@@ -160,6 +162,7 @@ pub enum Side {
 
 /// What could be trained on.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Candidate {
     /// Its names; several where several would keep the same.
     pub names: Vec<String>,
@@ -252,6 +255,7 @@ impl Candidate {
 
 /// The result of one training.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Training {
     /// The chosen policy on episodes that did not choose it: the score that decides.
     pub outcome: CurvePoint,
@@ -271,6 +275,7 @@ impl Training {
 
 /// A candidate by an imitator, with its trainings so far.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Trained {
     /// Which of the candidates.
     pub candidate: usize,
@@ -282,7 +287,7 @@ pub struct Trained {
     pub dropped: bool,
 }
 
-/// How a policy is imitated from scratch by this imitator, whichever the configuration asks for elsewhere.
+/// How a policy is imitated from scratch by this imitator, no matter what the configuration asks for elsewhere.
 pub fn imitation_by(imitator: Rule, imitation: &Imitation) -> Imitation {
     let update = InnerUpdate { imitation: imitator, ..imitation.update.clone() };
     Imitation { update, ..imitation.clone() }
@@ -290,6 +295,7 @@ pub fn imitation_by(imitator: Rule, imitation: &Imitation) -> Imitation {
 
 /// What the referee says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Verdict {
     /// What the comparison says.
     pub conclusion: Conclusion,
@@ -330,11 +336,12 @@ impl Verdict {
 
 /// What the comparison says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Conclusion {
     /// The kept beat the whole set and random subsets of their size.
     Helps,
-    /// The kept beat the whole set, and not surely random subsets of their size: fewer help, whichever.
+    /// The kept beat the whole set, and not surely random subsets of their size: fewer help, no matter which.
     FewerHelps,
     /// Neither side is surely better.
     CannotTell,
@@ -346,6 +353,7 @@ pub enum Conclusion {
 
 /// How much better one pair is than another.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Difference {
     /// The pair that is better by so much.
     pub of: usize,
@@ -361,6 +369,7 @@ pub struct Difference {
 
 /// A pair with its result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Pair {
     /// Which, and its trainings.
     #[serde(flatten)]

@@ -11,6 +11,7 @@ use crate::world::heuristic::Score;
 
 /// Demonstrations from the most to the least suitable.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Ranking {
     /// The most suitable first.
     pub entries: Vec<Ranked>,
@@ -34,6 +35,7 @@ impl Ranking {
 
 /// One place of a ranking.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Ranked {
     /// v_i.
     pub demo: DemoId,
@@ -48,6 +50,7 @@ pub struct Ranked {
 
 /// Which demonstrations to learn from, ordered by rank.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Subset {
     /// The chosen demonstrations, the most suitable first.
     pub demos: Vec<DemoId>,

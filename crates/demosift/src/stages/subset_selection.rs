@@ -80,6 +80,7 @@ pub struct Means<'a> {
 
 /// What a round found and did, in the order of the set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Weighed {
     /// Mean K of θ, over variants.
     pub baseline: Score,
@@ -93,6 +94,7 @@ pub struct Weighed {
 
 /// Why a selection ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum WeighingEnd {
     /// The same subset came out often enough in a row.
@@ -103,6 +105,7 @@ pub enum WeighingEnd {
 
 /// What comes of a selection: the subset, with the trends of the weights (Fig. 9) and why it ended.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Weighing {
     /// All rounds in order.
     pub rounds: Vec<Weighed>,
@@ -187,7 +190,7 @@ pub fn select_subset(
 }
 
 impl WeighingState {
-    /// Line 1, from meta-trained parameters; a posterior starts anew, as the prior holds none.
+    /// Line 1, from meta-trained parameters; a posterior starts from the beginning, as the prior holds none.
     pub fn start(
         set: &DemonstrationSet,
         prior: MetaPrior,
@@ -226,17 +229,22 @@ struct Round<'a> {
 /// Line 3: N meta-updates with the weights of the state.
 fn fine_tune(round: &Round<'_>, meta: MetaState, observer: &mut dyn Observer) -> Result<MetaState> {
     let Means { selection, learning, .. } = *round.means;
-    // All demonstrations in each update: of a batch drawn from them only shares would count, and it may hold none that helps.
-    let (rounds, meta_batch) = (meta.rounds + selection.meta_updates, round.set.len());
-    let training = MetaTraining { rounds, meta_batch, ..learning.training.clone() };
+    let training = fine_tuning(round.set, &learning, meta.rounds + selection.meta_updates);
     let learning = Learning { training: &training, ..learning };
     let seed = fine_tuning_seed(round.seed);
     let mut within = Within { observer, round: round.number };
     meta_train::meta_train(round.set, round.playground, &learning, meta, &seed, &mut within)
 }
 
+/// Meta-training up to so many updates.
+///
+/// All demonstrations are in each: of a batch drawn from them only shares would count, and it may hold none that helps.
+fn fine_tuning(set: &DemonstrationSet, learning: &Learning<'_>, rounds: usize) -> MetaTraining {
+    MetaTraining { rounds, meta_batch: set.len(), ..learning.training.clone() }
+}
+
 /// The random numbers of all meta-updates of line 3.
-pub(crate) fn fine_tuning_seed(seed: &Seed) -> Seed {
+fn fine_tuning_seed(seed: &Seed) -> Seed {
     seed.of("meta_train")
 }
 
@@ -261,11 +269,56 @@ fn assess(round: &Round<'_>, prior: &MetaPrior, observer: &mut dyn Observer) -> 
 
 /// Judging as a round does it: each demonstration once, by few iterations, of which the mean takes the same share of the last
 /// as in judging, so that the hardly trained first ones do not count.
-pub(crate) fn assessing(selection: &SubsetSelection, judging: &Judging) -> Judging {
+fn assessing(selection: &SubsetSelection, judging: &Judging) -> Judging {
     let iterations = selection.iterations;
     let averaged =
         (judging.averaged * iterations).div_ceil(judging.iterations.max(1)).clamp(1, iterations.max(1));
     Judging { iterations, averaged, repeats: 1, most_repeats: 1, ..judging.clone() }
+}
+
+/// What a selection by weights takes at most, where episodes last to the horizon.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Effort {
+    /// Rounds.
+    pub(crate) rounds: usize,
+    /// Meta-updates of all rounds.
+    pub(crate) meta_updates: usize,
+    /// Demonstrations in each of them.
+    pub(crate) meta_batch: usize,
+    /// Environment steps that the meta-updates play.
+    pub(crate) learning_steps: u64,
+    /// How a round judges.
+    pub(crate) judging: Judging,
+    /// What that takes, in one round.
+    pub(crate) assessing: judge::Effort,
+}
+
+impl Effort {
+    /// Of [`select_subset`] with the same arguments.
+    pub(crate) fn of(
+        set: &DemonstrationSet,
+        playground: &Playground<'_>,
+        means: &Means<'_>,
+        seed: &Seed,
+    ) -> Self {
+        let Means { selection, learning, judging } = *means;
+        let meta_updates = selection.rounds * selection.meta_updates;
+        let training = fine_tuning(set, &learning, meta_updates);
+        let judging = assessing(selection, judging);
+        let assessing =
+            judge::Effort::of(set.len(), playground.specification(), &judging, learning.inner, false);
+        let learning = Learning { training: &training, ..learning };
+        let seed = fine_tuning_seed(seed);
+        let steps = meta_train::steps_by_round(set, playground, &learning, &seed);
+        let (rounds, meta_batch) = (selection.rounds, training.meta_batch);
+        let learning_steps = steps.take(meta_updates).sum();
+        Self { rounds, meta_updates, meta_batch, learning_steps, judging, assessing }
+    }
+
+    /// Environment steps in all.
+    pub(crate) fn steps(&self) -> u64 {
+        self.learning_steps + self.assessing.steps() * self.rounds as u64
+    }
 }
 
 /// Line 6: Δ_i = (S_{v_i}|e_j by the spread of the scores under e_j), the mean over all e_j, by position in the file.

@@ -13,6 +13,7 @@ use crate::world::heuristic::Heuristic;
 
 /// e_j: which goal of a multi-goal task (§3); a task with one goal has variant 0 only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct EnvVariant(pub usize);
 
 /// The sizes and names of a task, fixed for its life.

@@ -10,8 +10,8 @@ use demosift::{Error, Result};
 use super::folder;
 use crate::arguments::ExportArguments;
 use crate::commands::play::read_policy;
-use crate::writing::undisturbed;
-use crate::{run_folder, task, terminal};
+use crate::files::writing::undisturbed;
+use crate::{console::terminal, job::run_folder, task};
 
 pub(super) fn run(arguments: &ExportArguments) -> Result<()> {
     let out = folder(arguments)?;

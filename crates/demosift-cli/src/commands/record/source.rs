@@ -9,7 +9,7 @@ use demosift::stages::demonstrator::Stage;
 use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-use crate::run_folder;
+use crate::job::run_folder;
 use crate::task::{self, Chosen};
 
 /// The demonstrator of a run folder.

@@ -15,10 +15,10 @@ use demosift_mujoco::check::{Finding, Severity, several};
 use super::{outcome, told, unreadable};
 use crate::answers;
 use crate::arguments::{SetArguments, TaskCheckArguments};
-use crate::demonstrations::{self, Opened};
-use crate::simulator::Simulated;
+use crate::console::terminal;
+use crate::job::demonstrations::{self, Opened};
 use crate::tables::{self, Scale, table, wrapped};
-use crate::terminal;
+use crate::task::simulator::Simulated;
 
 /// Demonstrations that are played again from their seed.
 const MOST_REPLAYED: usize = 10;

@@ -8,9 +8,9 @@ use demosift_mujoco::draft::{self, Wanted};
 use demosift_mujoco::model::Model;
 
 use crate::arguments::TaskNewArguments;
-use crate::demonstrations;
-use crate::terminal;
-use crate::writing::undisturbed;
+use crate::console::terminal;
+use crate::files::writing::undisturbed;
+use crate::job::demonstrations;
 
 const TASK_FILE: &str = "task.toml";
 

@@ -19,6 +19,7 @@ pub const FEWEST_STEPS: usize = 2;
 
 /// Which episodes of a file are taken; by default all.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Choice {
     /// Only these, by the numbers that the file gives them.

@@ -1,5 +1,5 @@
 //! Demonstrations as the file of some tool holds them, not yet checked for what cannot be learned from: what a reader of a
-//! format hands on.
+//! format passes on.
 //!
 //! Nobody reads rewards, returns or scores.
 
@@ -21,6 +21,7 @@ pub const MINARI_HDF5: &str = "main_data.hdf5";
 
 /// A tool's way to store demonstrations; `docs/formats.md` tells each apart from the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(into = "String", try_from = "String")]
 pub enum Format {
     /// Flat tables in HDF5; see [`d4rl`](super::d4rl).
@@ -121,6 +122,7 @@ impl From<Format> for String {
 ///
 /// A column is named as the file names it, with `/` between a group and what is in it: `observation.state`, `obs/gripper`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Columns {
     /// Parts of an observation.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -261,6 +263,7 @@ pub struct Says {
 
 /// An episode that was not chosen.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct LeftOut {
     /// What the file calls it.
     pub label: String,

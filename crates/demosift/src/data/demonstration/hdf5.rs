@@ -73,8 +73,8 @@ fn length_of(path: &Path) -> Result<u64> {
     }
 }
 
-/// Writes a file anew (h5py stops visiting where a visit returns something, hence the print) without filters and in the layout that every version reads.
-const WRITE_ANEW: &str = r#"write it anew: h5repack -f GZIP=4 OLD NEW; or in Python: import h5py, hdf5plugin; old, new = h5py.File("OLD"), h5py.File("NEW", "w", libver=("earliest", "v114")); old.visititems(lambda name, item: print((new.create_dataset(name, data=item[()]) if hasattr(item, "dtype") else new.require_group(name)).attrs.update(item.attrs))); new.close()"#;
+/// Writes a file again (h5py stops visiting where a visit returns something, hence the print) without filters and in the layout that every version reads.
+const WRITE_ANEW: &str = r#"write it again: h5repack -f GZIP=4 OLD NEW; or in Python: import h5py, hdf5plugin; old, new = h5py.File("OLD"), h5py.File("NEW", "w", libver=("earliest", "v114")); old.visititems(lambda name, item: print((new.create_dataset(name, data=item[()]) if hasattr(item, "dtype") else new.require_group(name)).attrs.update(item.attrs))); new.close()"#;
 
 /// Names the groups of a file as its format has them.
 fn rename(prefix: &str) -> String {
@@ -84,7 +84,7 @@ fn rename(prefix: &str) -> String {
     )
 }
 
-/// The names of registered filters, which files carry as numbers.
+/// The names of registered filters, which files store as numbers.
 fn filter_name(id: u16) -> String {
     let name = match id {
         2 => "shuffle",

@@ -13,6 +13,7 @@ pub use looks::{Look, looks};
 
 /// What is seen in a file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Inspection {
     /// How it is stored.
     pub format: Format,
@@ -36,6 +37,7 @@ pub struct Inspection {
 
 /// One episode.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct EpisodeSummary {
     /// Its position in the file, by which demosift names it.
     pub demonstration: DemoId,
@@ -55,6 +57,7 @@ pub struct EpisodeSummary {
 
 /// How one number of an observation or action varies over all steps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Spread {
     /// The least finite value; `None` if there is none.
     pub least: Option<f32>,

@@ -7,6 +7,7 @@ use crate::data::demonstration::named::Named;
 
 /// A column of a file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ColumnSeen {
     /// As the options name it.
     pub name: String,
@@ -20,6 +21,7 @@ pub struct ColumnSeen {
 
 /// What a column is read as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Used {
     /// A part of an observation.

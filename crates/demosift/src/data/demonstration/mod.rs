@@ -1,6 +1,6 @@
 //! Demonstrations and sets of them: state-action pairs, nothing else.
 //!
-//! A demonstration carries no reward, stage or origin, so nothing that judges can learn where it came from.
+//! A demonstration has no reward, stage or origin, so nothing that judges can learn where it came from.
 
 mod aloha;
 mod baselines_npz;
@@ -34,6 +34,7 @@ use crate::math::rows::Rows;
 
 /// Which demonstration of a set: its position in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct DemoId(pub usize);
 
 impl std::fmt::Display for DemoId {

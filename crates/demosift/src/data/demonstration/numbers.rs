@@ -9,6 +9,7 @@ use crate::basics::error::{Error, Result};
 
 /// Numbers and spans of numbers, such as `0-9,12`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(into = "String", try_from = "String")]
 pub struct Numbers(pub(super) Vec<(u64, u64)>);
 

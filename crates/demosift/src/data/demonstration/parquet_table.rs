@@ -300,7 +300,7 @@ impl Table {
             return Err(Error::bad_input(format!(
                 "column '{name}' is compressed by {compression}; wanted SNAPPY, GZIP, LZ4, ZSTD or no compression"
             ))
-            .with_hint("pyarrow.parquet.write_table(..., compression=\"snappy\") writes the table anew"));
+            .with_hint("pyarrow.parquet.write_table(..., compression=\"snappy\") writes the table again"));
         }
         let free = if matches!(compression, Compression::ZSTD(_)) { MOST_BYTES_OF_A_FEW } else { 0 };
         let chunk = self.chunk(column)?;

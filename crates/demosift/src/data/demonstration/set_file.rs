@@ -17,7 +17,7 @@
 //! ```
 //!
 //! Each number of the task is one of the set, times its sign and scale, plus its offset, and then taken out of its unit.
-//! What a set holds is never changed: exports hand on what came in, and this file with it.
+//! What a set holds is never changed: exports pass on what came in, and this file with it.
 
 mod ranges;
 mod words;
@@ -44,6 +44,7 @@ pub const SET_FILE: &str = "set.toml";
 
 /// What a `set.toml` says; by default nothing.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct SetFile {
     /// Steps a second, whatever the set itself says.
@@ -59,6 +60,7 @@ pub struct SetFile {
 
 /// What the numbers of an action or of an observation are; lists have one entry for each number of the task.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Meaning {
     /// The place in the set of each number of the task.
@@ -92,6 +94,7 @@ impl Meaning {
 
 /// One number for all, or one for each.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged)]
 pub enum Each {
     /// The same for all.
@@ -102,6 +105,7 @@ pub enum Each {
 
 /// What numbers are measured in.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged)]
 pub enum Units {
     /// All of them in one unit.
@@ -112,6 +116,7 @@ pub enum Units {
 
 /// A unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(into = "String", try_from = "String")]
 pub enum Unit {
     /// What the task takes: actions in [−1, 1], of which the rest is cut off, and observations as the task has them.

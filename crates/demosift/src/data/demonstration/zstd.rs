@@ -1,6 +1,6 @@
 //! Frames of zstd, as pages of parquet and chunks of HDF5 are, decompressed in Rust.
 //!
-//! Sizes are believed, so whoever asks has held them against the size of the file.
+//! Sizes are believed, so the caller must have compared them with the size of the file.
 
 use ruzstd::decoding::FrameDecoder;
 

@@ -50,7 +50,7 @@ pub struct LstmTape<T> {
     cells: Vec<T>,
     /// The hidden states, likewise.
     hidden: Vec<T>,
-    /// The weight of the hidden state, transposed: the product would do it anew for each step.
+    /// The weight of the hidden state, transposed: the product would do it again for each step.
     transposed: Vec<T>,
     cell_cotangents: Vec<T>,
     hidden_cotangents: Vec<T>,
@@ -149,7 +149,7 @@ impl Lstm {
     /// Adds Jᵀ · `cotangents` `[batch, hidden]` to `gradient` `[parameter_count]`, backward through time: the gradient of
     /// Σ cotangent · last hidden state.
     ///
-    /// `forward` must have run on this tape with these parameters and inputs, anew before each call.
+    /// `forward` must have run on this tape with these parameters and inputs, once before each call.
     pub fn vjp<T: Real>(
         &self,
         parameters: &[T],

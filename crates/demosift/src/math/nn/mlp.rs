@@ -48,7 +48,7 @@ pub struct Tape<T> {
     activations: Vec<T>,
     output_start: usize,
     tangents: Vec<T>,
-    /// The weights, each transposed, where they are in the parameters: the product would do it anew for each block.
+    /// The weights, each transposed, where they are in the parameters: the product would do it again for each block.
     transposed: Vec<T>,
     current: Vec<T>,
     next: Vec<T>,

@@ -31,6 +31,7 @@ pub use spectral::{arc_length, fast_power};
 
 /// The opinions on a set.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct DataOnly {
     /// One a scorer that has something to say about this set.
     pub columns: Vec<Column>,
@@ -38,6 +39,7 @@ pub struct DataOnly {
 
 /// What one scorer says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Column {
     /// The scorer, in a word or two.
     pub name: String,

@@ -1,5 +1,8 @@
 //! DemonstrationSet → MetaPrior → ScoreTable → Panel: each judge that is asked, and what they say together.
 
+use super::made_with::{
+    JudgedBy, Preparation, check_budget, information, judged_by, learning_by, learning_seed, preparation,
+};
 use super::{
     Checkpointing, Config, Run, arrows, check_known, cut, cut_of_judging, forget_checkpoint, make,
     stage_name, states_of_parts,
@@ -7,52 +10,18 @@ use super::{
 use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::basics::seed::Seed;
-use crate::data::demonstration::DemonstrationSet;
 use crate::data::likeness::TrainedOn;
 use crate::data::observation_filter::ObservationFilter;
-use crate::learning::adapt::{self, InnerUpdate, Learner, MetaPrior, Rule};
+use crate::learning::adapt::{self, Learner, MetaPrior};
 use crate::results::artifact::Artifact;
 use crate::results::panel::{self, Found, Judge, Judges, Opinion, Panel};
 use crate::stages::judge::{
     self, Crew, Judged, Judging, JudgingState, ScoreTable, ShareOfThreads, Start, Threads, Trial,
 };
-use crate::stages::meta_train::{self, Learning, MetaState, MetaTraining, MutualInformation};
-use crate::stages::method::{self, Asked, Budget, Method};
+use crate::stages::meta_train::{self, MetaState, MetaTraining};
 use crate::stages::pre_train::{self, PreTrainState, PreTraining};
 use crate::world::environment::EnvVariant;
 use crate::world::policy::Policy;
-use crate::world::rollout::Playground;
-
-/// How the run's method spends its budget.
-pub fn budget(run: &Run<'_>) -> Budget {
-    let Run { set, playground, config, .. } = run;
-    method::budget(config.method, set, playground, &asked(config), &learning_seed(config))
-}
-
-/// Whether the budget of the run's method pays for any learning; the error says what would.
-pub fn check_budget(set: &DemonstrationSet, playground: &Playground<'_>, config: &Config) -> Result<()> {
-    method::check_budget(config.method, set, playground, &asked(config), &learning_seed(config))
-}
-
-fn asked(config: &Config) -> Asked<'_> {
-    let Config { meta_train: training, inner, mutual_information, judge: judging, .. } = config;
-    let learning = Learning { training, inner, information: Some(mutual_information) };
-    Asked { learning, judging }
-}
-
-pub(crate) fn learning_seed(config: &Config) -> Seed {
-    Seed::new(config.seed).of("meta_train")
-}
-
-/// Mutual information, where the method has any.
-pub(crate) fn information(config: &Config) -> Option<&MutualInformation> {
-    (config.method == Method::MamlMi).then_some(&config.mutual_information)
-}
-
-/// What the run's method learns with.
-pub(crate) fn learning(config: &Config) -> Learning<'_> {
-    Learning { training: &config.meta_train, inner: &config.inner, information: information(config) }
-}
 
 /// DemonstrationSet → MetaPrior, by the run's method.
 pub fn prior(run: &mut Run<'_>) -> Result<MetaPrior> {
@@ -73,10 +42,10 @@ pub fn prior(run: &mut Run<'_>) -> Result<MetaPrior> {
     let hidden = &config.meta_train.discriminator_hidden;
     let untrained = Learner::untrained(run.set, &config.policy, hidden, &seed.of("start"));
     TrainedOn::of(run.set, untrained.policy.filter()).store(run.ledger, "")?;
-    match config.method {
-        Method::Maml | Method::MamlMi => meta_trained(run, untrained, &seed),
-        Method::AvgFineTune => pre_trained(run, untrained, &seed),
-        Method::FromScratch => {
+    match preparation(run) {
+        Preparation::MetaTraining(training) => meta_trained(run, untrained, &training, &seed),
+        Preparation::PreTraining(training) => pre_trained(run, untrained, training, &seed),
+        Preparation::Nothing => {
             untrained.store(run.ledger, "")?;
             Ok(untrained)
         }
@@ -84,40 +53,36 @@ pub fn prior(run: &mut Run<'_>) -> Result<MetaPrior> {
 }
 
 /// Algorithm 1.
-fn meta_trained(run: &mut Run<'_>, untrained: Learner, seed: &Seed) -> Result<MetaPrior> {
-    let training = MetaTraining { rounds: budget(run).updates, ..run.config.meta_train.clone() };
+fn meta_trained(
+    run: &mut Run<'_>,
+    untrained: Learner,
+    training: &MetaTraining,
+    seed: &Seed,
+) -> Result<MetaPrior> {
     let Run { set, playground, config, ledger, observer } = run;
     let start = || Ok(MetaState::from_prior(set, untrained, information(config), &seed.of("start")));
     let (state, mut checkpointing) =
         Checkpointing::begin(*ledger, *observer, playground, meta_train::STAGE, "", start)?;
-    let learning = Learning { training: &training, ..learning(config) };
+    let learning = learning_by(config, training);
     let prior = meta_train::meta_train(set, playground, &learning, state, seed, &mut checkpointing)?.prior;
     checkpointing.finish("", &prior)?;
     Ok(prior)
 }
 
 /// Imitation of the entire set (§5, Avg Fine-Tune).
-fn pre_trained(run: &mut Run<'_>, untrained: Learner, seed: &Seed) -> Result<MetaPrior> {
-    let updates = budget(run).updates;
-    let Run { set, playground, config, ledger, observer } = run;
-    let start = || Ok(PreTrainState::start(untrained, &config.inner));
+fn pre_trained(
+    run: &mut Run<'_>,
+    untrained: Learner,
+    training: PreTraining<'_>,
+    seed: &Seed,
+) -> Result<MetaPrior> {
+    let Run { set, playground, ledger, observer, .. } = run;
+    let start = || Ok(PreTrainState::start(untrained, training.inner));
     let (state, mut checkpointing) =
         Checkpointing::begin(*ledger, *observer, playground, pre_train::STAGE, "", start)?;
-    let checkpoint_every = config.meta_train.checkpoint_every;
-    let training = PreTraining { updates, inner: &config.inner, checkpoint_every };
     let prior = pre_train::pre_train(set, playground, training, state, seed, &mut checkpointing)?;
     checkpointing.finish("", &prior)?;
     Ok(prior)
-}
-
-/// The inner update of the judge by behavioral cloning.
-pub(crate) fn cloning_update(config: &Config) -> InnerUpdate {
-    InnerUpdate {
-        imitation: Rule::BehavioralCloning,
-        alphas: vec![1.0],
-        cloning: config.cloning_judge.cloning.clone(),
-        ..config.inner.clone()
-    }
 }
 
 /// DemonstrationSet → ScoreTable, by one judge; that of the paper learns its prior first.
@@ -129,22 +94,19 @@ pub fn scores(run: &mut Run<'_>, judge: Judge) -> Result<ScoreTable> {
     }
     match judge {
         Judge::Cloning => {
-            let (filter, inner) = (filter(run)?, cloning_update(run.config));
-            judged(run, judge, untrained(run.config, &filter), &inner)
+            let filter = filter(run)?;
+            judged(run, judge, untrained(run.config, &filter))
         }
         Judge::Paper => {
             let prior = prior(run)?;
-            judged(run, judge, Start::Prior(&prior), &run.config.inner)
+            judged(run, judge, Start::Prior(&prior))
         }
     }
 }
 
 /// How a judge judges; that of the paper makes as many updates as its method's budget pays for.
 pub fn judging(run: &Run<'_>, judge: Judge) -> Judging {
-    match judge {
-        Judge::Cloning => run.config.cloning_judge.judging.clone(),
-        Judge::Paper => Judging { iterations: budget(run).iterations, ..run.config.judge.clone() },
-    }
+    judged_by(run, judge).judging
 }
 
 /// The policy from which the first repeats of a judge start.
@@ -177,8 +139,8 @@ fn filter(run: &Run<'_>) -> Result<ObservationFilter> {
 }
 
 /// Algorithm 2.
-fn judged(run: &mut Run<'_>, judge: Judge, start: Start<'_>, inner: &InnerUpdate) -> Result<ScoreTable> {
-    let judging = &judging(run, judge);
+fn judged(run: &mut Run<'_>, judge: Judge, start: Start<'_>) -> Result<ScoreTable> {
+    let JudgedBy { judging, inner, .. } = &judged_by(run, judge);
     let (cut, part, seed) = (cut_of_judging(run), judge.name(), judging_seed(run.config, judge));
     let Run { set, playground, ledger, observer, .. } = run;
     let anew = || Ok(JudgingState::default());

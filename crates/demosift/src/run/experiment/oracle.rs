@@ -1,12 +1,14 @@
 //! What each demonstration teaches alone from scratch, which rankings are compared with; random subsets, which the kept one is
 //! compared with.
 
+use std::collections::BTreeMap;
+
 use super::{Run, kept_part, learning_curve, learning_curve_with};
 use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemoId;
 use crate::results::artifact::Artifact;
-use crate::results::oracle::{self, Oracle};
+use crate::results::oracle::{self, Alone, Oracle};
 use crate::stages::imitate::LearningCurve;
 use crate::stages::select::Ranking;
 use crate::world::heuristic::Score;
@@ -19,23 +21,18 @@ use crate::world::heuristic::Score;
 pub fn oracle(run: &mut Run<'_>, repeats: usize, random: usize) -> Result<Oracle> {
     let kept = policy_from_kept(run, random)?;
     let random_size = kept.as_ref().filter(|_| random > 0).map(|kept| kept.demos.len());
-    make_share(
-        run,
-        &trainings(&run.set.ids(), repeats, random_size.map(|size| Randoms { size, count: random })),
-    )?;
-    let (mut alone, mut curves) = (Vec::new(), Vec::new());
-    for demo in run.set.ids() {
-        let of_demo =
-            (0..repeats).map(|repeat| oracle_curve(run, demo, repeat)).collect::<Result<Vec<_>>>()?;
-        alone.push(oracle::alone(demo, &of_demo));
-        curves.push(of_demo);
+    make_share(run, repeats, random_size.map(|size| Randoms { size, count: random }))?;
+    let mut curves: BTreeMap<DemoId, Vec<LearningCurve>> = BTreeMap::new();
+    for OracleTraining { demo, repeat } in oracle_trainings(run, repeats) {
+        curves.entry(demo).or_default().push(oracle_curve(run, demo, repeat)?);
     }
+    let alone: Vec<Alone> = curves.iter().map(|(demo, of_demo)| oracle::alone(*demo, of_demo)).collect();
     let worth = match (kept, oracle::best(&alone)) {
         (Some(kept), Some(best)) => {
             let random = (0..random)
                 .map(|number| Ok(random_subset(run, kept.demos.len(), number)?.end.score))
                 .collect::<Result<Vec<Score>>>()?;
-            Some(oracle::worth(&kept, best, &curves[best.0], random))
+            Some(oracle::worth(&kept, best, &curves[&best], random))
         }
         _ => None,
     };
@@ -50,40 +47,34 @@ struct Randoms {
     count: usize,
 }
 
-/// One training of the oracle.
-#[derive(Clone, Copy)]
-enum Training {
-    Alone { demo: DemoId, repeat: usize },
+/// A piece of the oracle's work.
+enum Piece {
+    Alone(OracleTraining),
     Random { size: usize, number: usize },
-}
-
-/// All trainings of the oracle, in the order in which parts of a run count them.
-fn trainings(ids: &[DemoId], repeats: usize, randoms: Option<Randoms>) -> Vec<Training> {
-    let alone =
-        ids.iter().flat_map(|demo| (0..repeats).map(|repeat| Training::Alone { demo: *demo, repeat }));
-    let random = randoms
-        .into_iter()
-        .flat_map(|Randoms { size, count }| (0..count).map(move |number| Training::Random { size, number }));
-    alone.chain(random).collect()
 }
 
 /// What is the share of one part of a run; nothing where a run has no parts.
 ///
 /// # Errors
 /// `is_left_to_others` if other parts have not finished theirs.
-fn make_share(run: &mut Run<'_>, trainings: &[Training]) -> Result<()> {
+fn make_share(run: &mut Run<'_>, repeats: usize, randoms: Option<Randoms>) -> Result<()> {
     let Some(part) = run.ledger.part() else { return Ok(()) };
-    for (_, training) in trainings.iter().enumerate().filter(|(number, _)| part.takes(*number)) {
-        match *training {
-            Training::Alone { demo, repeat } => oracle_curve(run, demo, repeat)?,
-            Training::Random { size, number } => random_subset(run, size, number)?,
+    let random = randoms
+        .into_iter()
+        .flat_map(|Randoms { size, count }| (0..count).map(move |number| Piece::Random { size, number }));
+    let pieces: Vec<Piece> =
+        oracle_trainings(run, repeats).into_iter().map(Piece::Alone).chain(random).collect();
+    for (_, piece) in pieces.iter().enumerate().filter(|(number, _)| part.takes(*number)) {
+        match piece {
+            Piece::Alone(OracleTraining { demo, repeat }) => oracle_curve(run, *demo, *repeat)?,
+            Piece::Random { size, number } => random_subset(run, *size, *number)?,
         };
     }
     let mut left = 0;
-    for training in trainings {
-        let name = match *training {
-            Training::Alone { demo, repeat } => oracle_part(demo, repeat),
-            Training::Random { number, .. } => random_part(number),
+    for piece in &pieces {
+        let name = match piece {
+            Piece::Alone(OracleTraining { demo, repeat }) => oracle_part(*demo, *repeat),
+            Piece::Random { number, .. } => random_part(*number),
         };
         left += usize::from(LearningCurve::recall(run.ledger, &name)?.is_none());
     }
@@ -110,6 +101,18 @@ pub fn policy_from_kept(run: &Run<'_>, random: usize) -> Result<Option<LearningC
 pub fn oracle_curve(run: &mut Run<'_>, demo: DemoId, repeat: usize) -> Result<LearningCurve> {
     let seed = Seed::new(run.config.seed).of("oracle").at(repeat);
     learning_curve_with(run, &oracle_part(demo, repeat), &[demo], &seed)
+}
+
+/// An imitation of one demonstration alone.
+pub(crate) struct OracleTraining {
+    pub(crate) demo: DemoId,
+    pub(crate) repeat: usize,
+}
+
+/// All that an oracle trains, each demonstration so many times in a row.
+pub(crate) fn oracle_trainings(run: &Run<'_>, repeats: usize) -> Vec<OracleTraining> {
+    let of_demo = |demo| (0..repeats).map(move |repeat| OracleTraining { demo, repeat });
+    run.set.ids().into_iter().flat_map(of_demo).collect()
 }
 
 /// Under which name the oracle's imitations are stored.

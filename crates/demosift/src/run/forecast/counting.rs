@@ -6,18 +6,17 @@ use super::By;
 use crate::basics::error::Result;
 use crate::basics::ledger::Ledger;
 use crate::data::demonstration::DemoId;
-use crate::learning::adapt::{InnerUpdate, Rule};
+use crate::learning::adapt::Rule;
 use crate::results::artifact::Artifact;
 use crate::results::panel::{Judge, Opinion, Panel};
 use crate::results::recording;
 use crate::run::experiment::arrows::{self, Arrow};
-use crate::run::experiment::{self, Run, Selection, begun, stage_name};
+use crate::run::experiment::{self, OracleTraining, Preparation, Run, Selection, begun, stage_name};
 use crate::stages::demonstrator::{self, DemonstratorState, Stage};
 use crate::stages::imitate::{self, ImitationState, LearningCurve};
 use crate::stages::judge::{self, Effort, Judging, JudgingState};
-use crate::stages::meta_train::{self, Learning, MetaState, MetaTraining};
-use crate::stages::method::Method;
-use crate::stages::pre_train::{self, PreTrainState};
+use crate::stages::meta_train::{self, MetaState};
+use crate::stages::pre_train::{self, PreTrainState, PreTraining};
 use crate::stages::referee::{self, DECISIVE, Meant, NamedSubset, imitation_by};
 use crate::stages::select::{Keep, Subset};
 use crate::stages::subset_selection::{self, WeighingState};
@@ -55,6 +54,7 @@ pub enum Goal<'a> {
 
 /// A stage that is still to be done, or the rest of it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Planned {
     /// Its name, as in [`crate::stages::method::Costs`].
     pub stage: String,
@@ -112,10 +112,8 @@ pub fn planned(run: &Run<'_>, goal: Goal<'_>) -> Result<Vec<Planned>> {
         Goal::Policy(part, demos) => stages.extend(imitation(run, part, Some(demos), demos.len())?),
         Goal::Oracle { repeats, random } => {
             let mut alone = Vec::new();
-            for demo in run.set.ids() {
-                for repeat in 0..repeats {
-                    alone.extend(imitation(run, &experiment::oracle_part(demo, repeat), Some(&[demo]), 1)?);
-                }
+            for OracleTraining { demo, repeat } in experiment::oracle_trainings(run, repeats) {
+                alone.extend(imitation(run, &experiment::oracle_part(demo, repeat), Some(&[demo]), 1)?);
             }
             stages.extend(together("oracle", alone));
             let kept = experiment::policy_from_kept(run, 0)?.map_or(1, |curve| curve.demos.len());
@@ -177,60 +175,51 @@ impl Whole {
 }
 
 fn prior(run: &Run<'_>) -> Result<Option<Planned>> {
-    let (config, updates) = (run.config, experiment::budget(run).updates);
-    let task = run.playground.specification();
-    match config.method {
-        Method::FromScratch => Ok(None),
-        Method::Maml | Method::MamlMi => {
-            let learning = experiment::learning(config);
-            let seed = experiment::learning_seed(config);
-            let (spent, done) = begun(run.ledger, meta_train::STAGE, "", |state: &MetaState| state.rounds)?;
+    let config = run.config;
+    match experiment::preparation(run) {
+        Preparation::Nothing => Ok(None),
+        Preparation::MetaTraining(training) => {
+            let (learning, seed) =
+                (experiment::learning_by(config, &training), experiment::learning_seed(config));
+            let steps = meta_train::steps_by_round(run.set, run.playground, &learning, &seed);
             let whole = Whole {
                 stage: meta_train::STAGE.to_owned(),
-                environment_steps: meta_train::steps_by_round(run.set, run.playground, &learning, &seed)
-                    .take(updates)
-                    .sum(),
-                updates: updates as u64,
+                environment_steps: steps.take(training.rounds).sum(),
+                updates: training.rounds as u64,
                 at_most: false,
-                pieces: vec![(Piece::Round { meta_batch: config.meta_train.meta_batch }, updates as f64)],
+                pieces: vec![(Piece::Round { meta_batch: training.meta_batch }, training.rounds as f64)],
             };
-            Ok(whole.rest(spent, done, updates))
+            let (spent, done) = begun(run.ledger, meta_train::STAGE, "", |state: &MetaState| state.rounds)?;
+            Ok(whole.rest(spent, done, training.rounds))
         }
-        Method::AvgFineTune => {
-            let (spent, done) =
-                begun(run.ledger, pre_train::STAGE, "", |state: &PreTrainState| state.updates)?;
+        Preparation::PreTraining(PreTraining { updates, inner, .. }) => {
+            let each = pre_train::steps_of_update(inner, run.playground.specification().horizon);
             let whole = Whole {
                 stage: pre_train::STAGE.to_owned(),
-                environment_steps: pre_train::steps_of_update(&config.inner, task.horizon) * updates as u64,
+                environment_steps: each * updates as u64,
                 updates: updates as u64,
                 at_most: false,
                 pieces: vec![(Piece::PreTraining { demonstrations: run.set.len() }, updates as f64)],
             };
+            let (spent, done) =
+                begun(run.ledger, pre_train::STAGE, "", |state: &PreTrainState| state.updates)?;
             Ok(whole.rest(spent, done, updates))
         }
     }
 }
 
 fn scores(run: &Run<'_>, judge: Judge) -> Result<Option<Planned>> {
-    let judging = &experiment::judging(run, judge);
-    let effort = match judge {
-        Judge::Cloning => effort(run, judging, &experiment::cloning_update(run.config), true),
-        Judge::Paper => effort(run, judging, &run.config.inner, false),
-    };
+    let by = experiment::judged_by(run, judge);
+    let effort = by.effort(run);
     let whole = Whole {
         stage: stage_name(judge::STAGE, judge.name()),
         environment_steps: effort.steps(),
         updates: effort.updates as u64,
-        at_most: judging.most_repeats > judging.repeats,
-        pieces: pieces(judge, judging, &effort),
+        at_most: by.judging.most_repeats > by.judging.repeats,
+        pieces: pieces(judge, &by.judging, &effort),
     };
     let (spent, done) = begun(run.ledger, judge::STAGE, judge.name(), JudgingState::done)?;
     Ok(whole.rest(spent, done, effort.units))
-}
-
-/// Judging the whole set once.
-fn effort(run: &Run<'_>, judging: &Judging, inner: &InnerUpdate, starts_anew: bool) -> Effort {
-    Effort::of(run.set.len(), run.playground.specification(), judging, inner, starts_anew)
 }
 
 fn pieces(judge: Judge, judging: &Judging, effort: &Effort) -> Vec<(Piece, f64)> {
@@ -241,29 +230,22 @@ fn pieces(judge: Judge, judging: &Judging, effort: &Effort) -> Vec<(Piece, f64)>
 }
 
 fn weighing(run: &Run<'_>) -> Result<Option<Planned>> {
-    let (how, meta_batch) = (&run.config.subset_selection, run.set.len());
-    let training = MetaTraining { meta_batch, ..run.config.meta_train.clone() };
-    let learning = Learning { training: &training, ..experiment::learning(run.config) };
-    let seed = subset_selection::fine_tuning_seed(&experiment::weighing_seed(run.config));
-    let meta_updates = how.rounds * how.meta_updates;
-    let learned: u64 =
-        meta_train::steps_by_round(run.set, run.playground, &learning, &seed).take(meta_updates).sum();
-    let judging = subset_selection::assessing(how, &run.config.judge);
-    let assessing = effort(run, &judging, &run.config.inner, false);
-    let rounds = how.rounds as f64;
-    let mut parts = vec![(Piece::Round { meta_batch }, meta_updates as f64)];
-    let assessed = pieces(Judge::Paper, &judging, &assessing);
+    let by = experiment::weighed_by(run.config);
+    let effort = by.effort(run);
+    let rounds = effort.rounds as f64;
+    let mut parts = vec![(Piece::Round { meta_batch: effort.meta_batch }, effort.meta_updates as f64)];
+    let assessed = pieces(Judge::Paper, &effort.judging, &effort.assessing);
     parts.extend(assessed.into_iter().map(|(piece, units)| (piece, units * rounds)));
     let whole = Whole {
         stage: subset_selection::STAGE.to_owned(),
-        environment_steps: learned + assessing.steps() * how.rounds as u64,
-        updates: (meta_updates + assessing.updates * how.rounds) as u64,
-        at_most: how.steady_rounds < how.rounds,
+        environment_steps: effort.steps(),
+        updates: (effort.meta_updates + effort.assessing.updates * effort.rounds) as u64,
+        at_most: by.means.selection.steady_rounds < effort.rounds,
         pieces: parts,
     };
     let (spent, done) =
         begun(run.ledger, subset_selection::STAGE, "", |state: &WeighingState| state.rounds.len())?;
-    Ok(whole.rest(spent, done, how.rounds))
+    Ok(whole.rest(spent, done, effort.rounds))
 }
 
 /// Imitation from scratch; `demos` are what is imitated, if that is known by now, and `size` how many.

@@ -10,6 +10,7 @@ use crate::stages::select::quarter;
 
 /// A number of demonstrations, written as a number, `half` or `quarter`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(into = "Written", try_from = "Written")]
 pub enum TopK {
     /// So many.
@@ -42,6 +43,7 @@ impl TopK {
 
 /// What of a judging is kept: its top K, what weights select, or everything.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(into = "Written", try_from = "Written")]
 pub enum Kept {
     /// The first K.
@@ -54,6 +56,7 @@ pub enum Kept {
 
 /// A number, a word or a list, as files hold them.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged)]
 enum Written {
     Number(usize),
@@ -140,6 +143,7 @@ impl TryFrom<Written> for TopK {
 
 /// A subset of a pool: `all`, `random K`, `kept-by METHOD K`, `kept-by METHOD K seed N`, or a list of ids.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(into = "Written", try_from = "Written")]
 pub enum Choice {
     /// The whole set.

@@ -13,6 +13,7 @@ use crate::learning::adapt::Rule;
 
 /// A claim with all that was measured of it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Decided {
     /// The claim as a sentence.
     pub says: String,
@@ -26,6 +27,7 @@ pub struct Decided {
 
 /// A claim about one set.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Case {
     /// Which set.
     pub set: String,
@@ -45,6 +47,7 @@ pub struct Case {
 
 /// What an interval says of a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Said {
     /// The whole interval is above 0.

@@ -10,6 +10,7 @@ use crate::learning::adapt::Rule;
 
 /// What is drawn, and what is claimed of it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Drawn {
     /// What the whole is about, such as the figure of the paper.
@@ -32,6 +33,7 @@ pub struct Drawn {
 
 /// Policies that are trained on the top K of each method, with the seed of its judging, and on the whole set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Curves {
     /// Each K; the whole set is always there.
@@ -42,6 +44,7 @@ pub struct Curves {
 
 /// Subsets that methods select by weights (Algorithm 3), with the seeds of judging.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Weights {
     /// By which methods, each of which must meta-train.
@@ -53,6 +56,7 @@ pub struct Weights {
 
 /// A picture: a row for each set, a column for each method.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Figure {
     /// The name of its file.
@@ -71,6 +75,7 @@ pub struct Figure {
 
 /// What a picture shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Draws {
     /// Learning curves of policies, a line for each K (Fig. 3).
@@ -85,6 +90,7 @@ pub enum Draws {
 
 /// Something that is said of methods, and that the difference of pairs decides.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Claim {
     /// The claim as a sentence.
@@ -112,6 +118,7 @@ pub struct Claim {
 
 /// Whose claim it is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum By {
     /// The paper's: the page says whether it holds here.
@@ -123,6 +130,7 @@ pub enum By {
 
 /// By what one is better than another.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Measure {
     /// The score of the policy at the end of its training; higher is better.

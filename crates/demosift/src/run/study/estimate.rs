@@ -19,6 +19,7 @@ const DRAWS: usize = 2000;
 
 /// A mean over seeds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Estimate {
     /// The mean.
     pub mean: f64,
@@ -50,6 +51,7 @@ pub fn estimate(values: &[f64]) -> Option<Estimate> {
 
 /// By how much one is above the other, and whether that can be told from luck.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Difference {
     /// The mean difference.
     pub mean: f64,

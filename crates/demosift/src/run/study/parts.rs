@@ -7,6 +7,7 @@ use crate::learning::adapt::Rule;
 
 /// Consecutive seeds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Seeds {
     /// The first.
@@ -24,6 +25,7 @@ impl Seeds {
 
 /// A set with what is known of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Set {
     /// Its name in the study.
@@ -63,6 +65,7 @@ impl Set {
 
 /// What is known of the demonstrations of a set, such as their returns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Known {
     /// What it is: `return` or `stage`.
@@ -73,6 +76,7 @@ pub struct Known {
 
 /// Trainings on subsets, for their own sake.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Pool {
     /// Of which set.

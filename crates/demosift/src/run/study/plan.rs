@@ -12,6 +12,7 @@ use crate::learning::adapt;
 
 /// A study, without its files and configurations.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Study {
     /// Its name.
@@ -38,6 +39,7 @@ pub struct Study {
 
 /// A method of judging.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Judge {
     /// Its name in the study.
@@ -50,6 +52,7 @@ pub struct Judge {
 
 /// A method that combines what others found with the same seed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Combination {
     /// How.
@@ -60,6 +63,7 @@ pub struct Combination {
 
 /// How the scores of several methods become one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Rule {
     /// The mean of the ranks, ties sharing theirs.
@@ -72,6 +76,7 @@ pub enum Rule {
 
 /// How much worse the policy from a method's top K is than that from the truly best K.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Regret {
     /// Each K.

@@ -12,6 +12,7 @@ use crate::math::statistics;
 
 /// The trainings of a pool on one of its subsets.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct PoolSummary {
     /// The set.
     pub set: String,
@@ -25,6 +26,7 @@ pub struct PoolSummary {
 
 /// One training of a pool.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct PoolTraining {
     /// Its seed.
     pub seed: u64,

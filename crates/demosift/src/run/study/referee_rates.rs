@@ -24,6 +24,7 @@ const RESAMPLES: usize = 1000;
 
 /// What the referee said.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct RefereedSummary {
     /// Of which set.
     pub set: String,

@@ -9,6 +9,7 @@ use crate::stages::referee::{DECISIVE, IMITATORS, Refereeing};
 
 /// What the referee is asked about a set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Refereed {
     /// Which set.

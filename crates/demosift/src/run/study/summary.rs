@@ -27,6 +27,7 @@ use crate::math::statistics;
 
 /// All tables.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Summary {
     /// One per set, in order.
     pub sets: Vec<SetSummary>,
@@ -44,6 +45,7 @@ pub struct Summary {
 
 /// What is said of one set.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct SetSummary {
     /// Its name.
     pub set: String,
@@ -65,6 +67,7 @@ pub struct SetSummary {
 
 /// How well a method, or the oracle itself, agrees with a truth.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Agreement {
     /// The truth.
     pub truth: Against,
@@ -80,6 +83,7 @@ pub struct Agreement {
 
 /// A method beside another.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Compared {
     /// The truth.
     pub truth: Against,
@@ -95,6 +99,7 @@ pub struct Compared {
 
 /// A method beside another, over all sets that know both.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ComparedOverSets {
     /// With the pairs of all these sets.
     #[serde(flatten)]
@@ -105,6 +110,7 @@ pub struct ComparedOverSets {
 
 /// How much worse the policies are that a method's choice made.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct RegretSummary {
     /// Who learned from the top K.
     pub imitator: Rule,
@@ -121,6 +127,7 @@ pub struct RegretSummary {
 
 /// What a method costs, means over its finished seeds; of a combination, all that it is made of.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Costs {
     /// The method.
     pub method: String,

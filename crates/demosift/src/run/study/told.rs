@@ -12,6 +12,7 @@ use crate::math::statistics;
 
 /// A mean over seeds with one standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Spread {
     /// The mean.
     pub mean: f64,
@@ -30,6 +31,7 @@ impl Spread {
 
 /// What the policies are worth that learned from what a method keeps.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct PolicyLine {
     /// Of which set.
     pub set: String,
@@ -49,6 +51,7 @@ pub struct PolicyLine {
 
 /// How far a method's adapted agents are from what was demonstrated (Table 1).
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct DistanceLine {
     /// Of which set.
     pub set: String,
@@ -60,6 +63,7 @@ pub struct DistanceLine {
 
 /// How many demonstrations of another body a method keeps.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct BodyLine {
     /// Of which set.
     pub set: String,
@@ -75,6 +79,7 @@ pub struct BodyLine {
 
 /// All of them, with the price.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Told {
     /// Where policies are trained on what methods keep.
     pub policies: Vec<PolicyLine>,

@@ -15,6 +15,7 @@ use crate::world::heuristic::Score;
 
 /// A truth by name.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Against {
     /// What policies learned from each demonstration alone.

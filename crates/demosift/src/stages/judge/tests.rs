@@ -52,7 +52,7 @@ impl Observer for Listening {
     }
 }
 
-/// Three demonstrations under two goals, two to four repeats each: rounds of racing, starts that are drawn anew.
+/// Three demonstrations under two goals, two to four repeats each: rounds of racing, starts that are drawn again.
 fn with_trial<T>(work: impl FnOnce(&Trial<'_>) -> T) -> T {
     let task = PointMass::with_goals(2);
     let set = planted_set(&[180.0, 10.0, 0.0], Seed::new(1)).expect("a valid set");

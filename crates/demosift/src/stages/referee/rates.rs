@@ -11,6 +11,7 @@ use crate::basics::seed::Seed;
 
 /// How often each conclusion was reached.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ConclusionRates {
     /// Share of *helps*; where nothing is better, that of errors.
     pub helps: f64,

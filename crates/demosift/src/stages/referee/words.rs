@@ -41,7 +41,7 @@ pub(super) fn sentence(verdict: &Verdict, unit: &str) -> String {
             beside("them")
         ),
         Conclusion::FewerHelps => format!(
-            "Fewer help, whichever: {train}. P{}, but not surely more than those from random subsets of {size}.",
+            "Fewer help, no matter which: {train}. P{}, but not surely more than those from random subsets of {size}.",
             beside("them")
         ),
         Conclusion::DoesNotHelp => format!("Selecting does not help, take the whole set: {train}; {theirs}."),

@@ -33,7 +33,7 @@ const MOST_LOOKED_AT: usize = 200_000;
 /// # Errors
 /// `is_bad_input` if a chunk is damaged, or other filters are mixed in; `is_io` if the file may not be read.
 pub(super) fn unpacked(file: &File, path: &Path, file_len: u64) -> Result<Option<File>> {
-    // What cannot be looked at is told by whoever reads it.
+    // What cannot be looked at is reported where it is read.
     let mut left = MOST_LOOKED_AT;
     if !is_packed(&file.root(), DEEPEST, &mut left).unwrap_or(false) {
         return Ok(None);

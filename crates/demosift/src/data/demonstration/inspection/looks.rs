@@ -26,6 +26,7 @@ const FEWEST: usize = 5;
 ///
 /// Observations are taken in units of their standard deviation over the set, those that never vary left out.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Look {
     /// Its position in the file.
     pub demonstration: usize,

@@ -1,4 +1,4 @@
-//! What a LeRobot data set keeps of a recording beside its steps: rate, robot, names and tasks, which are handed on.
+//! What a LeRobot data set keeps of a recording beside its steps: rate, robot, names and tasks, which are passed on.
 
 use std::path::Path;
 

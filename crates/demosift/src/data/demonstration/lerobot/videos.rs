@@ -1,4 +1,4 @@
-//! The videos of a LeRobot data set: files beside the tables, which demosift hands on and never looks into.
+//! The videos of a LeRobot data set: files beside the tables, which demosift passes on and never looks into.
 //!
 //! | | a file holds | where an episode is |
 //! |---|---|---|
@@ -53,7 +53,7 @@ pub(super) struct Shot {
 pub struct Videos {
     /// Each camera that has a video of every episode.
     pub cameras: Vec<Camera>,
-    /// In words, what is described and cannot be handed on.
+    /// In words, what is described and cannot be passed on.
     pub missing: Vec<String>,
 }
 
@@ -103,7 +103,7 @@ pub(super) fn find(path: &Path, is_v3: bool, episodes: &[(i64, usize)]) -> Video
                 statistics: statistics.get(name).cloned(),
                 shots,
             }),
-            Err(why) => videos.missing.push(format!("the videos of {name} are not handed on: {why}")),
+            Err(why) => videos.missing.push(format!("the videos of {name} are not passed on: {why}")),
         }
     }
     videos

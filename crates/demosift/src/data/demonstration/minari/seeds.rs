@@ -1,6 +1,6 @@
 //! The seeds from which the episodes of a data set were recorded, which Minari keeps beside them.
 //!
-//! They say nothing of how well an episode went; whoever has the environment can play it again from them.
+//! They say nothing of how well an episode went; with the environment it can be played again from them.
 
 use std::path::Path;
 

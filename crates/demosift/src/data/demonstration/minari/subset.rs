@@ -14,7 +14,7 @@ use crate::data::demonstration::hdf5::{self, check_size, damaged};
 use crate::data::demonstration::named::json_in_words;
 use crate::data::demonstration::pointer;
 
-/// Writes a new data set of some episodes of the `main_data.hdf5` at `original`, numbered anew from 0, with rewards, infos and all
+/// Writes a new data set of some episodes of the `main_data.hdf5` at `original`, numbered again from 0, with rewards, infos and all
 /// else as they are there; its spaces come from the metadata beside it, or from the tables where there is none.
 ///
 /// # Errors

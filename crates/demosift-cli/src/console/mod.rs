@@ -1,0 +1,4 @@
+//! The terminal: what is shown on it, and Ctrl-C.
+
+pub(crate) mod interruption;
+pub(crate) mod terminal;

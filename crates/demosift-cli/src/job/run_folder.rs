@@ -1,0 +1,580 @@
+//! The run folder: what a run depends on, and every result and checkpoint as a file.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use demosift::basics::files;
+use demosift::basics::ledger::Ledger;
+use demosift::basics::part::Part;
+use demosift::basics::seal;
+use demosift::data::demonstration::choice::Choice;
+use demosift::data::demonstration::episode::{Columns, Format};
+use demosift::data::demonstration::set_file::SetFile;
+use demosift::results::artifact::FORMAT_VERSION;
+use demosift::{Error, Result};
+use serde::{Deserialize, Serialize};
+use toml::Table;
+
+use crate::configuration;
+use crate::configuration::asked_again;
+use crate::configuration::resolved::{self, RESOLVED, fixed};
+use crate::console::interruption;
+use crate::files::lock::{self, Lock};
+use crate::files::metrics_file::MEASURED;
+use crate::files::writing::undisturbed;
+use crate::task::simulator::{Earlier, Simulator};
+
+const RUN: &str = "run.json";
+
+/// What a run depends on besides its configuration; kept in `run.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Identity {
+    /// The version of demosift that began the run.
+    pub(crate) demosift: String,
+    /// The format version of its files; runs of before there was a second do not say.
+    #[serde(default = "first_format")]
+    pub(crate) format: u32,
+    /// The task, as `--task` takes it, or the environment as `--env` does.
+    pub(crate) task: String,
+    /// Hash of the files of a task that does not come with demosift.
+    pub(crate) task_sha256: Option<String>,
+    /// The one variant of the task that the run is about; without it the run is about all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) variant: Option<String>,
+    /// What is known of the environment, if the task is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) simulator: Option<Simulator>,
+    /// The demonstrations; a recording has none.
+    pub(crate) data: Option<Data>,
+    /// The prior that the run was given, if it did not make its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) prior: Option<PriorOrigin>,
+    /// Hash of what of the configuration must stay as it is; the whole stands in a file of its own.
+    #[serde(default)]
+    pub(crate) configuration_sha256: String,
+}
+
+impl Identity {
+    /// The environment of the run, if its task was one.
+    pub(crate) fn environment(&self) -> Option<Earlier<'_>> {
+        self.simulator.as_ref().map(|simulator| Earlier { env: &self.task, simulator })
+    }
+}
+
+fn first_format() -> u32 {
+    1
+}
+
+/// Which prior a run was given.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PriorOrigin {
+    /// The folder of the run that made it.
+    pub(crate) run: PathBuf,
+    /// Hash of its file.
+    pub(crate) sha256: String,
+}
+
+/// The demonstrations of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Data {
+    /// Where they were when the run began.
+    pub(crate) path: PathBuf,
+    /// What they were.
+    pub(crate) sha256: String,
+    /// How they were stored; runs of before there were several do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) format: Option<Format>,
+    /// Which columns were read.
+    #[serde(default)]
+    pub(crate) columns: Columns,
+    /// Which episodes of them were taken.
+    #[serde(default, skip_serializing_if = "Choice::is_all")]
+    pub(crate) choice: Choice,
+    /// What the user says of their numbers.
+    #[serde(default, skip_serializing_if = "SetFile::is_none")]
+    pub(crate) set_file: SetFile,
+}
+
+/// What a folder tells of the run that it holds.
+#[derive(Debug)]
+pub(crate) struct Begun {
+    pub(crate) identity: Identity,
+    pub(crate) configuration: Table,
+}
+
+/// `--resume` names a folder without a run, and nothing else says what should begin there.
+pub(crate) fn nothing_to_resume(folder: &Path) -> Error {
+    Error::bad_input("no run to resume, and no task to begin one with, in the run folder")
+        .at(folder)
+        .with_hint("check --out, or add --task NAME to begin a run there")
+}
+
+/// The run that a folder holds, if it holds one.
+///
+/// Without `resume` a folder that holds anything is an error.
+pub(crate) fn look_into(folder: &Path, resume: bool) -> Result<Option<Begun>> {
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        Err(error) if error.kind() == ErrorKind::NotADirectory => {
+            return Err(
+                Error::bad_input("the run folder is a file; wanted a folder, or a new name").at(folder)
+            );
+        }
+        Err(error) => return Err(Error::io("cannot look into the run folder", folder, &error)),
+    };
+    let mut names = entries
+        .map(|entry| entry.map(|entry| entry.file_name().to_string_lossy().into_owned()))
+        .collect::<std::io::Result<Vec<_>>>()
+        .map_err(|error| Error::io("cannot look into the run folder", folder, &error))?;
+    names.sort();
+    let begun = names.iter().any(|name| name == RUN);
+    // A run that was killed while it began leaves these only, and has done nothing yet.
+    let empty = names.iter().all(|name| name == RESOLVED || lock::is_one(name) || is_left_over(name));
+    match (begun, resume) {
+        (false, _) if empty => Ok(None),
+        (false, _) => Err(Error::bad_input(format!(
+            "the run folder holds other files ({}) and no run",
+            names.join(", ")
+        ))
+        .at(folder)
+        .with_hint("give the name of a new folder to --out")),
+        (true, false) => Err(Error::bad_input("the run folder holds a run already")
+            .at(folder)
+            .with_hint("add --resume to go on with it, or give another folder to --out")),
+        (true, true) => {
+            let identity = read_identity(&folder.join(RUN))?;
+            let configuration = read_configuration(folder, &identity)?;
+            Ok(Some(Begun { identity, configuration }))
+        }
+    }
+}
+
+/// What a run was begun with; nothing of it may be changed by hand, as some results would be of one configuration and some of
+/// another.
+pub(crate) fn read_configuration(folder: &Path, identity: &Identity) -> Result<Table> {
+    resolved::read(folder, &identity.configuration_sha256)
+}
+
+/// Whether a folder holds a run, of whatever kind.
+pub(crate) fn is_one(folder: &Path) -> bool {
+    folder.join(RUN).exists()
+}
+
+/// The first, by name, of the runs within a run's folder: those about one of its goals each.
+pub(crate) fn first_within(folder: &Path) -> Option<PathBuf> {
+    let entries = fs::read_dir(folder).ok()?.filter_map(|entry| entry.ok().map(|entry| entry.path()));
+    entries.filter(|path| is_one(path)).min()
+}
+
+/// Looks into the folder of a finished run without touching it.
+pub(crate) fn of_finished(folder: &Path) -> Result<(Identity, RunFolder)> {
+    let file = folder.join(RUN);
+    if !file.exists() {
+        return Err(Error::bad_input(format!("this is not a run folder: it has no {RUN}"))
+            .at(folder)
+            .with_hint("give the folder that the run had as --out, or runs/NAME of its task"));
+    }
+    Ok((read_identity(&file)?, RunFolder::at(folder.to_owned())))
+}
+
+/// The configuration of a run, as it is written down.
+pub(crate) fn resolved(folder: &Path) -> Result<String> {
+    let path = folder.join(RESOLVED);
+    fs::read_to_string(&path).map_err(|error| Error::io("cannot read the configuration", &path, &error))
+}
+
+fn read_identity(path: &Path) -> Result<Identity> {
+    let bytes = files::read(path)?;
+    let none = |error| Error::bad_input(format!("this is not the file of a run: {error}")).at(path);
+    let Written { demosift, format } = serde_json::from_slice(&bytes).map_err(none)?;
+    if format != FORMAT_VERSION {
+        return Err(Error::bad_input(format!(
+            "the run is of demosift {demosift}, whose files have format version {format}; this is demosift {}, which \
+             reads format version {FORMAT_VERSION}",
+            env!("CARGO_PKG_VERSION")
+        ))
+        .at(path)
+        .with_hint("run it again with another folder for --out"));
+    }
+    let damaged = |error: Error| {
+        Error::bad_input(error.message()).at(path).with_hint("run it again with another folder for --out")
+    };
+    serde_json::from_slice(&seal::of_json(&bytes, RUN).map_err(damaged)?).map_err(none)
+}
+
+/// By whom and how a run was written, which later versions can read of every run.
+#[derive(Deserialize)]
+struct Written {
+    demosift: String,
+    #[serde(default = "first_format")]
+    format: u32,
+}
+
+/// Results and checkpoints as files of one folder.
+///
+/// It is locked from the first write on: reading alone needs no lock, and no right to write.
+#[derive(Debug)]
+pub(crate) struct RunFolder {
+    path: PathBuf,
+    /// Which part of the run's work is done here; its files are written into a folder of their own.
+    part: Option<Part>,
+    lock: Option<Lock>,
+    /// What is there instead of the files, where nothing may be written; `None` for a file that is taken to be away.
+    unwritten: Option<BTreeMap<String, Option<Vec<u8>>>>,
+}
+
+impl RunFolder {
+    fn at(path: PathBuf) -> Self {
+        Self { path, part: None, lock: None, unwritten: None }
+    }
+
+    /// Begins a run, or goes on with the one in the folder if that depends on the same things.
+    pub(crate) fn open(
+        path: PathBuf,
+        begun: Option<&Begun>,
+        identity: &Identity,
+        configuration: &Table,
+    ) -> Result<Self> {
+        if let Some(begun) = begun {
+            check_same(begun, identity, configuration).map_err(|error| error.at(&path))?;
+            let mut folder = Self::at(path);
+            interruption::run_is_in(&folder.path);
+            folder.tidy();
+            if !asked_again::is_settled(&folder.path, &begun.configuration, configuration) {
+                folder.claim()?;
+                asked_again::settle(&folder.path, &begun.configuration, configuration)?;
+            }
+            folder.collect()?;
+            return Ok(folder);
+        }
+        fs::create_dir_all(&path).map_err(|error| Error::io("cannot make the run folder", &path, &error))?;
+        let mut folder = Self::at(path);
+        folder.claim()?;
+        // Another command may have begun one since it was looked for.
+        look_into(&folder.path, false)?;
+        let configuration_sha256 = resolved::sha256_of_fixed(configuration);
+        let identity = Identity { configuration_sha256, ..identity.clone() };
+        let json = seal::to_json(&identity);
+        undisturbed(|| {
+            resolved::write(&folder.path, configuration)?;
+            // Last, since it makes the folder a run.
+            files::write_atomically(&folder.path.join(RUN), &json)
+        })?;
+        interruption::run_is_in(&folder.path);
+        Ok(folder)
+    }
+
+    /// Copies what parts of the run have finished; their checkpoints and measurements stay where they are.
+    fn collect(&mut self) -> Result<()> {
+        let mut parts = self.others()?;
+        parts.retain(|folder| *folder != self.path);
+        for part in parts {
+            for name in names_in(&part)? {
+                let is_result =
+                    [".json", ".safetensors", ".onnx"].iter().any(|ending| name.ends_with(ending));
+                if is_result && !name.starts_with('.') && name != MEASURED && !self.path.join(&name).exists()
+                {
+                    let bytes = files::read(&part.join(&name))?;
+                    self.store(&name, &bytes)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Joins a run to do a part of its work; the first part begins it.
+    ///
+    /// Parts that start at the same time find the run begun by one of them, whichever is first.
+    pub(crate) fn join(
+        path: PathBuf,
+        part: Part,
+        identity: &Identity,
+        configuration: &Table,
+    ) -> Result<Self> {
+        let begun = begun_by_any(&path, identity, configuration)?;
+        check_same(&begun, identity, configuration).map_err(|error| error.at(&path))?;
+        if !asked_again::is_settled(&path, &begun.configuration, configuration) {
+            return Err(Error::bad_config(
+                "a part of a run cannot ask for another --keep or --referee than the run",
+            )
+            .at(&path)
+            .with_hint("ask the whole run for it, with --resume and without --part"));
+        }
+        let folder = Self { part: Some(part), ..Self::at(path) };
+        let own = folder.written();
+        fs::create_dir_all(&own)
+            .map_err(|error| Error::io("cannot make the folder of the part", &own, &error))?;
+        interruption::run_is_in(&folder.path);
+        Ok(folder)
+    }
+
+    /// The folder of a run that would begin or go on; touches nothing, and what is stored lasts as long as this.
+    pub(crate) fn look(
+        path: PathBuf,
+        begun: Option<&Begun>,
+        identity: &Identity,
+        configuration: &Table,
+    ) -> Result<Self> {
+        let mut unwritten = BTreeMap::new();
+        if let Some(begun) = begun {
+            check_same(begun, identity, configuration).map_err(|error| error.at(&path))?;
+            let changed = asked_again::would_be(&path, &begun.configuration, configuration);
+            unwritten.extend(changed.into_iter().map(|(name, held)| (name.to_owned(), fs::read(held).ok())));
+        }
+        Ok(Self { unwritten: Some(unwritten), ..Self::at(path) })
+    }
+
+    /// Takes away the lock of a process that is gone, and what it left; where that cannot be done, nothing depends on it.
+    fn tidy(&mut self) {
+        if lock::is_there(&self.path) && self.claim().is_ok() {
+            self.lock = None;
+        }
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The folder into which results are written: that of the part, where only a part of the work is done.
+    pub(crate) fn written(&self) -> PathBuf {
+        match self.part {
+            Some(part) => self.path.join(PARTS).join(part.name()),
+            None => self.path.clone(),
+        }
+    }
+
+    /// Where a file may be, this command's own first: a result is the same whoever made it.
+    fn places(&self, name: &str) -> Result<Vec<PathBuf>> {
+        let own = self.written().join(name);
+        if name.starts_with(CHECKPOINT) {
+            return Ok(vec![own]);
+        }
+        let others = self.others()?.into_iter().map(|folder| folder.join(name));
+        Ok([own].into_iter().chain(others).collect())
+    }
+
+    /// The other folders of the run: the whole, seen from a part, and those of its parts.
+    fn others(&self) -> Result<Vec<PathBuf>> {
+        let parts = self.path.join(PARTS);
+        let mut folders = match fs::read_dir(&parts) {
+            Ok(entries) => entries
+                .map(|entry| entry.map(|entry| entry.path()))
+                .collect::<std::io::Result<Vec<_>>>()
+                .map_err(|error| Error::io("cannot look into the folder of the parts", &parts, &error))?,
+            Err(error) if error.kind() == ErrorKind::NotFound => Vec::new(),
+            Err(error) => return Err(Error::io("cannot look into the folder of the parts", &parts, &error)),
+        };
+        folders.retain(|folder| folder.is_dir());
+        folders.sort();
+        folders.insert(0, self.path.clone());
+        let own = self.written();
+        folders.retain(|folder| *folder != own);
+        Ok(folders)
+    }
+}
+
+/// The folder of a run in which its parts have theirs.
+const PARTS: &str = "parts";
+
+/// How the names of checkpoints begin, of which each part has another.
+const CHECKPOINT: &str = "checkpoint_";
+
+/// How long a part waits for another one that begins the run.
+const TRIES_TO_BEGIN: usize = 600;
+const BETWEEN_TRIES: Duration = Duration::from_millis(100);
+
+/// The run, begun here or by another part.
+fn begun_by_any(path: &Path, identity: &Identity, configuration: &Table) -> Result<Begun> {
+    let mut failed = None;
+    for _ in 0..TRIES_TO_BEGIN {
+        if let Some(begun) = look_into(path, true)? {
+            return Ok(begun);
+        }
+        match RunFolder::open(path.to_owned(), None, identity, configuration) {
+            Ok(folder) => drop(folder),
+            Err(error) if error.is_bad_input() => {
+                failed = Some(error);
+                std::thread::sleep(BETWEEN_TRIES);
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    Err(failed.unwrap_or_else(|| nothing_to_resume(path)))
+}
+
+fn names_in(folder: &Path) -> Result<Vec<String>> {
+    let failed = |error: std::io::Error| Error::io("cannot look into the folder", folder, &error);
+    let name = |entry: std::io::Result<fs::DirEntry>| {
+        entry.map(|entry| entry.file_name().to_string_lossy().into_owned())
+    };
+    let mut names = fs::read_dir(folder)
+        .map_err(failed)?
+        .map(name)
+        .collect::<std::io::Result<Vec<_>>>()
+        .map_err(failed)?;
+    names.sort();
+    Ok(names)
+}
+
+fn recalled(path: &Path) -> Result<Option<Vec<u8>>> {
+    match fs::symlink_metadata(path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        _ => files::read(path).map(Some),
+    }
+}
+
+impl Ledger for RunFolder {
+    fn claim(&mut self) -> Result<()> {
+        if self.lock.is_none() {
+            let folder = self.written();
+            self.lock = Some(lock::take(&folder, "")?);
+            remove_left_over(&folder)?;
+        }
+        Ok(())
+    }
+
+    fn recall(&self, name: &str) -> Result<Option<Vec<u8>>> {
+        if let Some(instead) = self.unwritten.as_ref().and_then(|unwritten| unwritten.get(name)) {
+            return Ok(instead.clone());
+        }
+        for path in self.places(name)? {
+            if let Some(found) = recalled(&path)? {
+                return Ok(Some(found));
+            }
+        }
+        Ok(None)
+    }
+
+    /// What is there already is not written again, so that a finished run may lie on a disk that is only read.
+    fn store(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+        if let Some(unwritten) = &mut self.unwritten {
+            unwritten.insert(name.to_owned(), Some(bytes.to_vec()));
+            return Ok(());
+        }
+        let path = self.written().join(name);
+        if holds(&path, bytes) {
+            return Ok(());
+        }
+        self.claim()?;
+        undisturbed(|| files::write_atomically(&path, bytes))
+    }
+
+    fn forget(&mut self, name: &str) -> Result<()> {
+        if let Some(unwritten) = &mut self.unwritten {
+            unwritten.insert(name.to_owned(), None);
+            return Ok(());
+        }
+        let path = self.written().join(name);
+        if fs::symlink_metadata(&path).is_err_and(|error| error.kind() == ErrorKind::NotFound) {
+            return Ok(());
+        }
+        self.claim()?;
+        match undisturbed(|| fs::remove_file(&path)) {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                Err(Error::io("cannot delete", &path, &error))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn part(&self) -> Option<Part> {
+        self.part
+    }
+
+    fn of_parts(&self, name: &str) -> Result<Vec<Vec<u8>>> {
+        let found = self.others()?.into_iter().map(|folder| recalled(&folder.join(name)));
+        Ok(found.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
+    }
+}
+
+/// Writes a file unless it holds these bytes already: a finished run can be read where nothing may be written.
+pub(crate) fn write_if_new(path: &Path, bytes: &[u8]) -> Result<()> {
+    if holds(path, bytes) { Ok(()) } else { undisturbed(|| files::write_atomically(path, bytes)) }
+}
+
+fn holds(path: &Path, bytes: &[u8]) -> bool {
+    let is_as_long = |found: &fs::Metadata| found.is_file() && found.len() == bytes.len() as u64;
+    fs::symlink_metadata(path).is_ok_and(|found| is_as_long(&found))
+        && fs::read(path).is_ok_and(|found| found == bytes)
+}
+
+/// Removes what a killed command left behind, and nothing of the user's.
+fn remove_left_over(folder: &Path) -> Result<()> {
+    let failed = |error: std::io::Error| Error::io("cannot tidy the run folder", folder, &error);
+    for entry in fs::read_dir(folder).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let (name, path) = (entry.file_name(), entry.path());
+        let name = name.to_string_lossy();
+        match entry.file_type().map_err(failed)?.is_dir() {
+            // Another command may be on its way to the lock, and tries again.
+            true if lock::is_left_over(&name) => drop(fs::remove_dir_all(path)),
+            false if is_left_over(&name) => fs::remove_file(path).map_err(failed)?,
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Whether a name is that of a write of ours which did not come to its end.
+fn is_left_over(name: &str) -> bool {
+    const KINDS: [&str; 7] = ["json", "toml", "bin", "safetensors", "onnx", "html", "hdf5"];
+    let written = name.strip_prefix('.').and_then(|name| name.strip_suffix(".partial"));
+    written.and_then(|name| name.rsplit_once('.')).is_some_and(|(_, kind)| KINDS.contains(&kind))
+}
+
+/// The task was held against the run's before its goal was looked for, in [`crate::job::Request`].
+fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Result<()> {
+    let sha256 = |identity: &Identity| identity.data.as_ref().map(|data| data.sha256.clone());
+    let old = &begun.identity;
+    let columns = |identity: &Identity| match (&identity.data, &old.data) {
+        (Some(data), Some(Data { format: Some(_), .. })) => {
+            format!("{} and {}", data.columns.observations.join(","), data.columns.actions.join(","))
+        }
+        _ => String::new(),
+    };
+    let choice =
+        |identity: &Identity| identity.data.as_ref().map_or_else(String::new, |data| data.choice.to_string());
+    let prior =
+        |identity: &Identity| identity.prior.as_ref().map_or("none".to_owned(), |prior| prior.sha256.clone());
+    let set_file = |identity: &Identity| {
+        let lines = identity.data.as_ref().map_or_else(String::new, |data| data.set_file.to_string());
+        if lines.is_empty() { "nothing".to_owned() } else { lines.trim_end().replace('\n', "; ") }
+    };
+    let text = |value: Option<String>| value.unwrap_or_else(|| "none".to_owned());
+    let variant = |identity: &Identity| identity.variant.clone().unwrap_or_else(|| "all of them".to_owned());
+    let pairs = [
+        ("the version of demosift", old.demosift.clone(), identity.demosift.clone()),
+        ("the variant", variant(old), variant(identity)),
+        // Before the hash, which may depend on them.
+        ("the columns of the demonstrations", columns(old), columns(identity)),
+        ("the choice of episodes", choice(old), choice(identity)),
+        ("the SHA-256 of the prior that it was given", prior(old), prior(identity)),
+        ("what set.toml says of the demonstrations", set_file(old), set_file(identity)),
+        ("the SHA-256 of the demonstrations", text(sha256(old)), text(sha256(identity))),
+    ];
+    let differs = pairs.into_iter().find(|(_, old, new)| old != new);
+    let (what, old, new) =
+        match (differs, configuration::first_difference(&fixed(&begun.configuration), &fixed(configuration)))
+        {
+            (Some((what, old, new)), _) => (what.to_owned(), old, new),
+            (None, Some(difference)) => difference,
+            (None, None) => return Ok(()),
+        };
+    Err(of_another_run(&what, &old, &new))
+}
+
+/// A run folder cannot go on with something else.
+pub(crate) fn of_another_run(what: &str, old: &str, new: &str) -> Error {
+    Error::bad_config(format!("the run folder is of another run: {what} was {old} there, and is {new} now"))
+        .with_hint("take back the change, or give another folder to --out")
+}

@@ -1,0 +1,357 @@
+//! The page of an experiment, made of its results and of words: no number in it is typed by hand.
+
+use demosift::run::study::claims::{Case, Decided, Said};
+use demosift::run::study::compact::Compact;
+use demosift::run::study::estimate::{Difference, ENOUGH_SEEDS};
+use demosift::run::study::told::{Spread, Told};
+use demosift::run::study::{By, Measure, imitator_name};
+
+use crate::study::experiments;
+use crate::tables::{Scale, percent, rounded, study::in_markdown, table, wrapped};
+
+/// What was found.
+pub(crate) struct Shown<'a> {
+    pub(crate) compact: &'a Compact,
+    pub(crate) told: &'a Told,
+    pub(crate) decided: &'a [Decided],
+}
+
+/// What only the user knows of how it was made.
+#[derive(Clone, Copy)]
+pub(crate) struct Made<'a> {
+    pub(crate) commit: Option<&'a str>,
+    pub(crate) machine: Option<&'a str>,
+}
+
+/// A page in Markdown.
+pub(crate) struct Page<'a> {
+    pub(crate) shown: &'a Shown<'a>,
+    pub(crate) made: Made<'a>,
+}
+
+/// A table with a line above it.
+struct Section {
+    title: String,
+    header: Vec<&'static str>,
+    rows: Vec<Vec<String>>,
+}
+
+impl Shown<'_> {
+    /// For a terminal.
+    pub(crate) fn plainly(&self) -> String {
+        let mut text = format!("{}\n\n{}\n", self.title(), wrapped(&self.extent()));
+        for decided in self.decided {
+            let Section { title, header, rows } = self.claim(decided);
+            text += &format!("\n{}\n\n{}", wrapped(&title), table(&header, &rows));
+            text += &format!("\n{}\n", wrapped(&verdict(decided)));
+        }
+        for Section { title, header, rows } in self.numbers() {
+            text += &format!("\n{title}\n\n{}", table(&header, &rows));
+        }
+        for note in self.notes() {
+            text += &format!("\n{}\n", wrapped(&note));
+        }
+        text
+    }
+
+    pub(crate) fn title(&self) -> String {
+        let study = &self.compact.study;
+        study.drawn.title.clone().unwrap_or_else(|| study.name.clone())
+    }
+
+    /// How much of it is finished.
+    fn extent(&self) -> String {
+        let Told { finished: [there, all], seeds: [asked, whole], .. } = self.told;
+        format!(
+            "{there} of {all} cells are finished, all that can be named so far of {whole} of {asked} seeds."
+        )
+    }
+
+    fn claim(&self, decided: &Decided) -> Section {
+        let who = match decided.by {
+            By::Paper => "The paper",
+            By::Us => "Our question",
+        };
+        let trains = matches!(decided.measure, Measure::Score | Measure::Success);
+        let row = |case: &Case| {
+            let mut row = vec![case.set.clone()];
+            row.extend(case.kept.clone());
+            let than = match (case.imitator, trains) {
+                (Some(imitator), true) => {
+                    format!("{} − {}, {}", case.better, case.than, imitator_name(imitator))
+                }
+                _ => format!("{} − {}", case.better, case.than),
+            };
+            row.push(than);
+            row.push(self.difference(case, decided.measure));
+            row.push(case.difference.map_or(0, |difference| difference.pairs).to_string());
+            row.push(found(case, decided.by));
+            row
+        };
+        let mut header = vec!["set"];
+        if decided.measure != Measure::Distance {
+            header.push("K");
+        }
+        header.extend(["better by", "difference", "pairs", "found"]);
+        let title = format!("{who}: {}", decided.says);
+        Section { title, header, rows: decided.cases.iter().map(row).collect() }
+    }
+
+    fn difference(&self, case: &Case, measure: Measure) -> String {
+        let Some(difference) = case.difference else { return "-".to_owned() };
+        let unit = match measure {
+            Measure::Score => self.compact.study.set(&case.set).map_or("", |set| set.unit.as_str()),
+            Measure::Success | Measure::Distance | Measure::OtherBody => "",
+        };
+        let Difference { mean, interval, .. } = difference;
+        let scale = Scale::of([mean].into_iter().chain(interval.into_iter().flatten()), unit);
+        let written = |value: f64| match measure {
+            Measure::Success | Measure::OtherBody => percent(value),
+            Measure::Score | Measure::Distance => scale.signed(value),
+        };
+        let mean = written(mean);
+        let ends =
+            interval.map_or(String::new(), |[low, high]| format!(" [{}, {}]", written(low), written(high)));
+        format!("{mean}{ends} {unit}").trim_end().to_owned()
+    }
+
+    fn numbers(&self) -> Vec<Section> {
+        let mut sections = vec![self.policies(), self.bodies(), self.distances()];
+        sections.retain(|section| !section.rows.is_empty());
+        sections
+    }
+
+    fn policies(&self) -> Section {
+        let row = |of: &demosift::run::study::told::PolicyLine| {
+            vec![
+                of.set.clone(),
+                imitator_name(of.imitator).to_owned(),
+                of.kept.clone(),
+                of.method.clone().unwrap_or_else(|| "(whole set)".to_owned()),
+                spread(&of.score, Scale::of([of.score.mean], &of.unit)),
+                of.success.map_or("-".to_owned(), |success| percent(success.mean)),
+                of.score.seeds.to_string(),
+            ]
+        };
+        Section {
+            title: "What policies from the kept are worth at the end of their training:".to_owned(),
+            header: vec!["set", "imitator", "K", "kept by", "score", "success", "seeds"],
+            rows: self.told.policies.iter().map(row).collect(),
+        }
+    }
+
+    fn distances(&self) -> Section {
+        let row = |of: &demosift::run::study::told::DistanceLine| {
+            let distance = spread(&of.distance, Scale::of([of.distance.mean], ""));
+            vec![of.set.clone(), of.method.clone(), distance, of.distance.seeds.to_string()]
+        };
+        Section {
+            title: "The adapted behaviors distance, lower is better:".to_owned(),
+            header: vec!["set", "method", "ABD", "seeds"],
+            rows: self.told.distances.iter().map(row).collect(),
+        }
+    }
+
+    fn bodies(&self) -> Section {
+        let row = |of: &demosift::run::study::told::BodyLine| {
+            vec![
+                of.set.clone(),
+                of.kept.to_string(),
+                of.method.clone(),
+                percent(of.share.mean),
+                percent(of.chance),
+                of.share.seeds.to_string(),
+            ]
+        };
+        Section {
+            title: "How many of the kept were made by another body:".to_owned(),
+            header: vec!["set", "K", "kept by", "of the kept", "of the set", "seeds"],
+            rows: self.told.bodies.iter().map(row).collect(),
+        }
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let failure = |(name, error): (String, String)| format!("The cell {name} failed: {error}.");
+        let failures = self.compact.finished.failures().into_iter().map(failure);
+        self.compact.notes.iter().cloned().chain(failures).collect()
+    }
+}
+
+impl Page<'_> {
+    /// The whole page.
+    pub(crate) fn text(&self) -> String {
+        let Self { shown, .. } = self;
+        let Shown { compact, told, decided } = shown;
+        let study = &compact.study;
+        let mut text = format!("# {}\n\n", shown.title());
+        if told.is_partial() {
+            text += &sentences(&format!(
+                "**This result is partial.** {} A claim takes {ENOUGH_SEEDS} seeds, so nothing is concluded from fewer.",
+                shown.extent()
+            ));
+            text += "\n";
+        }
+        if let Some(paper) = &study.drawn.paper {
+            text += &sentences(&format!("What the paper says: {}", paper.trim()));
+            text += "\n";
+        }
+        text += &self.how();
+        for figure in &study.drawn.figures {
+            text += &format!(
+                "\n![{}]({}.svg)\n\nIts numbers are in [{}.csv]({}.csv).\n",
+                figure.title, figure.name, figure.name, figure.name
+            );
+        }
+        if !decided.is_empty() {
+            text += "\n## What holds here\n\n";
+            text += &sentences(
+                "Differences are paired by seed, with a 95 % interval by Student's t. \
+                 An interval above 0 agrees with the claim, one below 0 disagrees, and one that holds 0 is not separable. \
+                 Of twenty comparisons between equals one is separable by luck.",
+            );
+        }
+        for decided in *decided {
+            let Section { header, rows, .. } = shown.claim(decided);
+            let says = decided.says.trim_end_matches('.');
+            text += &format!("\n### {says}\n\n{}", in_markdown(&header, &rows));
+            let whose = match decided.by {
+                By::Paper => "The paper says so.",
+                By::Us => "The question is ours and not the paper's.",
+            };
+            text += &format!("\n{}", sentences(&format!("{whose} {}", verdict(decided))));
+        }
+        for Section { title, header, rows } in shown.numbers() {
+            text += &format!("\n## {}\n\n", title.trim_end_matches(':'));
+            text += &format!("{}\n", in_markdown(&header, &rows));
+            text += "± is one standard deviation over seeds.\n";
+        }
+        let notes = shown.notes();
+        if !notes.is_empty() {
+            text += "\n## What is to be said besides\n\n";
+            notes.iter().for_each(|note| text += &sentences(note));
+        }
+        text
+    }
+
+    /// The command and the price.
+    fn how(&self) -> String {
+        let Self { shown: Shown { compact, told, .. }, made } = self;
+        let study = &compact.study;
+        let preset = study.drawn.preset.as_deref().unwrap_or("standard");
+        let commit =
+            made.commit.map_or("a commit that was not named".to_owned(), |commit| format!("commit {commit}"));
+        let machine = made.machine.unwrap_or("a machine that was not named");
+        let version = &compact.demosift;
+        let [there, all] = told.finished;
+        let [asked, _] = told.seeds;
+        let what = match experiments::named(&study.name) {
+            Ok(_) => study.name.clone(),
+            Err(_) => format!("{}.toml", study.name),
+        };
+        let mut text = format!(
+            "```sh\n# demosift {version}, {commit}, {machine}\ndemosift reproduce {what} --preset {preset} --seeds {asked}\n```\n\n"
+        );
+        text += &sentences(&format!(
+            "{there} of {all} cells with up to {asked} seeds a set took {} environment steps and {} of a processor. \
+             They are in [{name}.json]({name}.json), from which `demosift reproduce {name}.json --page {name}.md` makes this page again.",
+            rounded(told.cost.environment_steps as f64),
+            hours(told.cost.processor_hours()),
+            name = study.name,
+        ));
+        text
+    }
+}
+
+/// What one experiment decided.
+pub(crate) struct Summarized {
+    pub(crate) name: String,
+    pub(crate) title: String,
+    /// Asked for, and whole.
+    pub(crate) seeds: [usize; 2],
+    pub(crate) decided: Vec<Decided>,
+}
+
+/// A page about several experiments.
+pub(crate) fn summary(all: &[Summarized]) -> String {
+    let mut text = "# What of the paper holds here\n\n".to_owned();
+    text += &sentences(&format!(
+        "`demosift reproduce` made this page from results, and no number in it is typed by hand. \
+         A claim is compared for each set, K and other method, and the 95 % interval of the difference that is paired by seed decides. \
+         Fewer than {ENOUGH_SEEDS} seeds decide nothing.",
+    ));
+    for by in [By::Paper, By::Us] {
+        let row = |of: &Summarized, decided: &Decided| {
+            let counts = [Said::Agrees, Said::Disagrees, Said::NotSeparable, Said::TooFew];
+            let mut row = vec![of.name.clone(), decided.says.trim_end_matches('.').to_owned()];
+            row.extend(counts.map(|said| decided.count(said).to_string()));
+            row.push(format!("{} of {}", of.seeds[1], of.seeds[0]));
+            row
+        };
+        let of_one = |of: &Summarized| {
+            let decided = of.decided.iter().filter(|decided| decided.by == by);
+            decided.map(|decided| row(of, decided)).collect::<Vec<_>>()
+        };
+        let rows: Vec<Vec<String>> = all.iter().flat_map(of_one).collect();
+        let (title, yes, no) = match by {
+            By::Paper => ("What the paper claims", "agree", "disagree"),
+            By::Us => ("What we ask besides", "better", "worse"),
+        };
+        let header = ["experiment", "claim", yes, no, "not separable", "too few seeds", "seeds"];
+        if !rows.is_empty() {
+            text += &format!("\n## {title}\n\n{}", in_markdown(&header, &rows));
+        }
+    }
+    text += "\n## The pages\n\n";
+    all.iter().for_each(|of| text += &format!("- [{}]({}.md)\n", of.title, of.name));
+    text
+}
+
+/// Markdown has one sentence per line.
+fn sentences(words: &str) -> String {
+    let joined = words.split_whitespace().collect::<Vec<_>>().join(" ");
+    let lines = joined.replace(". ", ".\n").replace(".** ", ".**\n").replace(".\n,", ". ,");
+    format!("{lines}\n")
+}
+
+fn hours(hours: f64) -> String {
+    if hours < 1.0 { "less than an hour".to_owned() } else { format!("{hours:.0} hours") }
+}
+
+fn spread(of: &Spread, scale: Scale<'_>) -> String {
+    if of.seeds == 1 {
+        return scale.with_unit(of.mean);
+    }
+    format!("{} ± {} {}", scale.plain(of.mean), scale.plain(of.deviation), scale.unit).trim_end().to_owned()
+}
+
+/// What a case says, in a word or two.
+fn found(case: &Case, by: By) -> String {
+    match (case.found, by) {
+        (Said::Agrees, By::Paper) => "agrees".to_owned(),
+        (Said::Disagrees, By::Paper) => "disagrees".to_owned(),
+        (Said::Agrees, By::Us) => format!("{} is better", case.better),
+        (Said::Disagrees, By::Us) => format!("{} is better", case.than),
+        (Said::NotSeparable, _) => "not separable".to_owned(),
+        (Said::TooFew, _) => "too few seeds".to_owned(),
+    }
+}
+
+/// How many cases say what.
+fn verdict(decided: &Decided) -> String {
+    let kinds = match decided.by {
+        By::Paper => ["agree", "disagree"],
+        By::Us => ["are better so", "are worse so"],
+    };
+    let counts = [
+        (decided.count(Said::Agrees), kinds[0]),
+        (decided.count(Said::Disagrees), kinds[1]),
+        (decided.count(Said::NotSeparable), "are not separable"),
+        (decided.count(Said::TooFew), "have too few seeds"),
+    ];
+    let said: Vec<String> = counts
+        .into_iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, what)| format!("{count} {what}"))
+        .collect();
+    format!("Of {} comparisons {}.", decided.cases.len(), said.join(", "))
+}

@@ -1,0 +1,143 @@
+//! What the stages of a run are made with: the flow hands it to the stage, and the forecast counts what that will play.
+//!
+//! So nothing of a configuration is read in two places: how many rounds, updates, repeats and episodes there are is said here
+//! and in the stages alone.
+
+use std::borrow::Cow;
+
+use super::{Config, Run};
+use crate::basics::error::Result;
+use crate::basics::seed::Seed;
+use crate::data::demonstration::DemonstrationSet;
+use crate::learning::adapt::{InnerUpdate, Rule};
+use crate::results::panel::Judge;
+use crate::stages::judge::{self, Judging};
+use crate::stages::meta_train::{Learning, MetaTraining, MutualInformation};
+use crate::stages::method::{self, Asked, Budget, Method};
+use crate::stages::pre_train::PreTraining;
+use crate::stages::subset_selection::{self, Means};
+use crate::world::rollout::Playground;
+
+/// How the run's method spends its budget.
+pub fn budget(run: &Run<'_>) -> Budget {
+    let Run { set, playground, config, .. } = run;
+    method::budget(config.method, set, playground, &asked(config), &learning_seed(config))
+}
+
+/// Whether the budget of the run's method pays for any learning; the error says what would.
+pub fn check_budget(set: &DemonstrationSet, playground: &Playground<'_>, config: &Config) -> Result<()> {
+    method::check_budget(config.method, set, playground, &asked(config), &learning_seed(config))
+}
+
+fn asked(config: &Config) -> Asked<'_> {
+    let Config { meta_train: training, inner, mutual_information, judge: judging, .. } = config;
+    let learning = Learning { training, inner, information: Some(mutual_information) };
+    Asked { learning, judging }
+}
+
+pub(crate) fn learning_seed(config: &Config) -> Seed {
+    Seed::new(config.seed).of("meta_train")
+}
+
+/// Mutual information, where the method has any.
+pub(crate) fn information(config: &Config) -> Option<&MutualInformation> {
+    (config.method == Method::MamlMi).then_some(&config.mutual_information)
+}
+
+/// How the prior is made, by the run's method.
+pub(crate) enum Preparation<'a> {
+    /// Algorithm 1, with as many rounds as the budget pays for.
+    MetaTraining(MetaTraining),
+    /// Imitation of the entire set (§5, Avg Fine-Tune).
+    PreTraining(PreTraining<'a>),
+    /// Nothing is learned before judging.
+    Nothing,
+}
+
+pub(crate) fn preparation<'a>(run: &Run<'a>) -> Preparation<'a> {
+    let config = run.config;
+    match config.method {
+        Method::Maml | Method::MamlMi => {
+            let rounds = budget(run).updates;
+            Preparation::MetaTraining(MetaTraining { rounds, ..config.meta_train.clone() })
+        }
+        Method::AvgFineTune => Preparation::PreTraining(PreTraining {
+            updates: budget(run).updates,
+            inner: &config.inner,
+            checkpoint_every: config.meta_train.checkpoint_every,
+        }),
+        Method::FromScratch => Preparation::Nothing,
+    }
+}
+
+/// What the run's method learns with in a training.
+pub(crate) fn learning_by<'a>(config: &'a Config, training: &'a MetaTraining) -> Learning<'a> {
+    Learning { training, inner: &config.inner, information: information(config) }
+}
+
+/// How one judge judges the set.
+pub(crate) struct JudgedBy<'a> {
+    /// How long, how often and on what it is evaluated.
+    pub(crate) judging: Judging,
+    /// How an adaptation updates.
+    pub(crate) inner: Cow<'a, InnerUpdate>,
+    /// Whether each repeat starts from an untrained policy of its own, and not all from the prior.
+    pub(crate) starts_anew: bool,
+}
+
+/// That of the paper makes as many updates as its method's budget pays for.
+pub(crate) fn judged_by<'a>(run: &Run<'a>, judge: Judge) -> JudgedBy<'a> {
+    let config = run.config;
+    match judge {
+        Judge::Cloning => JudgedBy {
+            judging: config.cloning_judge.judging.clone(),
+            inner: Cow::Owned(cloning_update(config)),
+            starts_anew: true,
+        },
+        Judge::Paper => JudgedBy {
+            judging: Judging { iterations: budget(run).iterations, ..config.judge.clone() },
+            inner: Cow::Borrowed(&config.inner),
+            starts_anew: false,
+        },
+    }
+}
+
+impl JudgedBy<'_> {
+    /// What judging the set of a run takes at most.
+    pub(crate) fn effort(&self, run: &Run<'_>) -> judge::Effort {
+        let task = run.playground.specification();
+        judge::Effort::of(run.set.len(), task, &self.judging, &self.inner, self.starts_anew)
+    }
+}
+
+/// The inner update of the judge by behavioral cloning.
+pub(crate) fn cloning_update(config: &Config) -> InnerUpdate {
+    InnerUpdate {
+        imitation: Rule::BehavioralCloning,
+        alphas: vec![1.0],
+        cloning: config.cloning_judge.cloning.clone(),
+        ..config.inner.clone()
+    }
+}
+
+/// A selection by weights: with what, and with which random numbers.
+pub(crate) struct WeighedBy<'a> {
+    pub(crate) means: Means<'a>,
+    pub(crate) seed: Seed,
+}
+
+pub(crate) fn weighed_by(config: &Config) -> WeighedBy<'_> {
+    let means = Means {
+        selection: &config.subset_selection,
+        learning: learning_by(config, &config.meta_train),
+        judging: &config.judge,
+    };
+    WeighedBy { means, seed: Seed::new(config.seed).of(subset_selection::STAGE) }
+}
+
+impl WeighedBy<'_> {
+    /// What it takes at most.
+    pub(crate) fn effort(&self, run: &Run<'_>) -> subset_selection::Effort {
+        subset_selection::Effort::of(run.set, run.playground, &self.means, &self.seed)
+    }
+}
