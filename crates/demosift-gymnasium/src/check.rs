@@ -9,7 +9,8 @@ use demosift::{Error, Result};
 use rand::Rng as _;
 use serde::Serialize;
 
-use crate::session::{Session, Turn};
+use crate::session::Session;
+use crate::turn::Turn;
 use crate::task::GymnasiumTask;
 use crate::trial::{Repeats, Trial, episode, random_actions, trial};
 
@@ -137,7 +138,7 @@ fn plays_alike(task: &GymnasiumTask, session: &mut Session, horizon: usize) -> R
 fn measurements(turns: &[Turn], width: usize) -> Rows {
     let mut rows = Rows::with_capacity(width, turns.len());
     rows.push(&vec![0.0; width]);
-    turns.iter().skip(1).for_each(|turn| rows.push(&GymnasiumTask::row(turn)));
+    turns.iter().skip(1).for_each(|turn| rows.push(&turn.row()));
     rows
 }
 
