@@ -10,9 +10,9 @@ use rand::Rng as _;
 use serde::Serialize;
 
 use crate::session::Session;
-use crate::turn::Turn;
 use crate::task::GymnasiumTask;
 use crate::trial::{Repeats, Trial, episode, random_actions, trial};
+use crate::turn::Turn;
 
 /// Steps of each of the three episodes by which is seen whether an environment repeats, where a user asks for it.
 const CHECK_STEPS: usize = 200;

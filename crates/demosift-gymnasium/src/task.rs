@@ -316,9 +316,7 @@ impl Worker for GymnasiumWorker {
         let Specification { name, measurements, .. } = task.specification();
         let sizes = task.sizes();
         let mut rollouts = Vec::with_capacity(episodes.len());
-        for alike in
-            episodes.chunk_by(|a, b| std::ptr::eq(a.policy, b.policy) && a.acting == b.acting)
-        {
+        for alike in episodes.chunk_by(|a, b| std::ptr::eq(a.policy, b.policy) && a.acting == b.acting) {
             let acts = alike.iter().map(|&Episode { policy, acting, seed, .. }| Act { policy, acting, seed });
             let acts: Vec<Act<'_>> = acts.collect();
             let played = session.play(&sizes, &acts).and_then(|played| {

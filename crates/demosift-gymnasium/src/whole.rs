@@ -261,7 +261,8 @@ mod tests {
             self.left -= 1;
             self.seen += action[0] as f32;
             turn.observation = vec![self.seen];
-            (turn.terminated, turn.reward, turn.info) = (self.left == 0, action[1], vec![f64::from(self.seen)]);
+            (turn.terminated, turn.reward, turn.info) =
+                (self.left == 0, action[1], vec![f64::from(self.seen)]);
             Ok(())
         }
     }

@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
+use demosift::data::demonstration::choice::Choice;
 use demosift::data::demonstration::episode::{Columns, Format};
+use demosift::data::demonstration::numbers::Numbers;
 use demosift::data::demonstration::open;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -10,7 +12,7 @@ use pyo3::types::PyBytes;
 /// One episode: its label, and observations `[T, obs]` and actions `[T, act]` as bytes of f32 with their widths.
 type Recorded<'py> = (String, Bound<'py, PyBytes>, usize, Bound<'py, PyBytes>, usize);
 
-/// The episodes of a file or folder of any format that is known, in its own numbers.
+/// The episodes of a file or folder of any format that is known, in its own numbers; `episodes` chooses some, such as `0-9,12`.
 #[pyfunction]
 pub(crate) fn read<'py>(
     py: Python<'py>,
@@ -18,11 +20,13 @@ pub(crate) fn read<'py>(
     format: Option<String>,
     observation_columns: Vec<String>,
     action_columns: Vec<String>,
+    episodes: Option<String>,
 ) -> PyResult<Vec<Recorded<'py>>> {
     let source = py.detach(|| {
         let format = format.map(|format| format.parse::<Format>()).transpose()?;
         let columns = Columns { observations: observation_columns, actions: action_columns };
-        open::open(&path, format, &columns)
+        let episodes = episodes.map(|episodes| episodes.parse::<Numbers>()).transpose()?;
+        open::open_chosen(&path, format, &columns, &Choice { episodes, ..Choice::default() })
     });
     let source = source.map_err(|error| crate::raised(&error))?;
     let bytes = |numbers: &[f32]| PyBytes::new(py, &crate::bytes_of(numbers));

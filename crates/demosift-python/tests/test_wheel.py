@@ -89,12 +89,18 @@ class TheCommand(InScratch):
         self.assertEqual(demosift.load("run").kept, result.kept)
         with self.assertRaisesRegex(demosift.Mistake, "the run folder|already|exists"):
             demosift.sift(drives([0, 10, 170]), task="point_mass", out="run", progress=False, **FAST)
-        # To be judged afterwards, one is enough.
-        standing = demosift.judge(drives([5]), prior=result, progress=False, judge="cloning")
-        self.assertEqual(len(standing), 1)
         out = demosift.export(result, "minari", out="kept")
         self.assertEqual(len(demosift.open(out)), len(result.kept))
         self.assertIn("demonstration", demosift.export(result, "csv"))
+
+    def test_one_demonstration_is_judged_afterwards(self):
+        few = {"meta_train.rounds": 2, "judge.iterations": 1, "judge.averaged": 1, "judge.evaluations": 2, "judge.repeats": 1}
+        asked = {**FAST, "judge": "paper", "referee": "none", "values": {**TINY, **few, "inner.batch_steps": 120}}
+        result = demosift.sift(drives([0, 10, 170]), task="point_mass", out="run", progress=False, **asked)
+        standing = demosift.judge(drives([5]), prior=result, progress=False)
+        self.assertEqual(len(standing), 1)
+        with self.assertRaisesRegex(demosift.Mistake, "the run has no policy"):
+            result.policy
 
     def test_mistakes_are_exceptions_with_the_same_words(self):
         with self.assertRaisesRegex(demosift.Mistake, "no task is given") as caught:
@@ -108,6 +114,9 @@ class TheCommand(InScratch):
 
     def test_ctrl_c_stops_the_run_and_it_goes_on(self):
         asked = {**FAST, "values": {**TINY, "cloning_judge.judging.iterations": 100000}}
+        # Whoever starts a program in the background lets it ignore Ctrl-C.
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)
+        self.addCleanup(signal.signal, signal.SIGINT, before)
         timer = threading.Timer(4.0, os.kill, (os.getpid(), signal.SIGINT))
         timer.start()
         begun = time.monotonic()
@@ -134,6 +143,8 @@ class Sets(InScratch):
         file = CHECKOUT / "crates/demosift/tests/formats/robomimic.hdf5"
         demonstrations = demosift.open(file, columns=["obs/wrist"])
         self.assertEqual([len(episode) for episode in demonstrations], [4, 3, 5])
+        some = demosift.open(file, columns=["obs/wrist"], episodes="1-2")
+        self.assertEqual([len(episode) for episode in some], [3, 5])
         self.assertEqual(demonstrations.inspect()["inspection"]["format"], "robomimic")
 
 
@@ -160,8 +171,11 @@ class Environments(InScratch):
         self.assertEqual(scores[0], scores[1])
         self.assertEqual(whole.kept, single.kept)
         # In the environment's own unit, which is from -2 to 2.
-        action = whole.policy(numpy.zeros(4))
-        self.assertGreater(abs(action).max(), 1.0)
+        plain = demosift.Policy(whole.folder / "policy_best.safetensors")
+        seen = numpy.ones((3, 4), dtype=numpy.float32)
+        numpy.testing.assert_allclose(whole.policy(seen), 2.0 * plain(seen), rtol=1e-6)
+        with self.assertRaisesRegex(demosift.Mistake, "has 3 numbers, and the policy takes 4"):
+            plain(numpy.zeros(3))
 
     def test_what_goes_wrong_in_whole_episodes_is_one_sentence(self):
         import point
@@ -175,15 +189,23 @@ class Environments(InScratch):
     def test_an_episode_that_takes_longer_than_the_limit_of_a_step_is_none_that_hangs(self):
         import point
 
-        found = demosift.check(env=point.sleeps, horizon=300, time_limit=5)
-        self.assertIsInstance(found, dict)
+        quick = demosift.sift(drives([0, 10]), env=point.Still, horizon=30, out="run", progress=False, **FAST)
+        path = quick.folder / "policy_best.safetensors"
+        lines = ["import time", "import point", "def make():", "    return point.Point(lambda env: time.sleep(0.2))"]
+        pathlib.Path("slow.py").write_text("\n".join(lines))
+        os.environ["PYTHONPATH"] = str(ENVIRONMENTS.parent)
+        self.addCleanup(os.environ.pop, "PYTHONPATH")
+        asked = ["play", "--policy", path, "--env", "slow.py:make", "--horizon", "50", "--time-limit", "8", "--episodes", "1"]
+        played = demosift.command.ask_json([*asked, "--python", sys.executable])
+        self.assertEqual(played["episodes"][0]["steps"], 50)
 
     @unittest.skipUnless(has("cloudpickle"), "cloudpickle is not installed")
     def test_a_function_without_a_name_travels(self):
         import point
 
-        found = demosift.check(drives([0, 10]), env=lambda: point.limited())
-        self.assertIsInstance(found, dict)
+        shift = 2.0
+        found = demosift.check(drives([0, 10]), env=lambda: point.limited() if shift else None)
+        self.assertTrue(any("repeats" in json.dumps(finding) for finding in found["findings"]), found)
 
     def test_a_line_of_progress_is_no_note(self):
         import point

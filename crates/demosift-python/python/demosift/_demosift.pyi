@@ -12,6 +12,7 @@ def read(
     format: str | None,
     observation_columns: Sequence[str],
     action_columns: Sequence[str],
+    episodes: str | None,
 ) -> list[tuple[str, bytes, int, bytes, int]]: ...
 def play(request: bytes, player: object, beat: Callable[[], None]) -> bytes: ...
 

@@ -16,9 +16,11 @@ from .sets import HOME, write_whole
 _PICKLED = '''"""Written by demosift: a function of a notebook or script, as cloudpickle keeps it."""
 
 import base64
+import sys
 
 import cloudpickle
 
+sys.path += [folder for folder in {folders!r} if folder not in sys.path]
 function = cloudpickle.loads(base64.b64decode("""
 {lines}
 """))
@@ -55,6 +57,13 @@ def _found(module: Any, name: str) -> Any:
     return found
 
 
+def _own_folders() -> list[str]:
+    """Where this program finds modules beyond what is installed: the function may need them."""
+    installed = (os.path.abspath(sys.prefix), os.path.abspath(sys.base_prefix))
+    folders = [os.path.abspath(folder) for folder in sys.path]
+    return [folder for folder in folders if os.path.isdir(folder) and not folder.startswith(installed)]
+
+
 def _pickled(function: Callable[..., Any], what: str) -> str:
     try:
         import cloudpickle
@@ -64,7 +73,7 @@ def _pickled(function: Callable[..., Any], what: str) -> str:
             "install cloudpickle, or put it into a file and import it from there",
         ) from error
     pickled = base64.encodebytes(cloudpickle.dumps(function)).decode()
-    text = _PICKLED.format(lines=pickled.strip()).encode()
+    text = _PICKLED.format(lines=pickled.strip(), folders=_own_folders()).encode()
     path = HOME / f"function-{hashlib.sha256(text).hexdigest()[:12]}.py"
     if not path.exists():
         write_whole(path, lambda file: file.write(text))

@@ -48,10 +48,10 @@ def child() -> NoReturn:
     main()
 
 
-def ask(words: Sequence[str | os.PathLike[str]], bar: bool = False) -> str:
-    """What the command answers to these words on standard output; its notes go to standard error.
+def ask(words: Sequence[str | os.PathLike[str]], bar: bool = False, notes: bool = True) -> str:
+    """What the command answers to these words on standard output; its notes go to standard error, if they are wanted.
 
-    Raises `Mistake` or `Failed` with the words of the command.
+    Raises `Mistake` or `Failed` with the words of the command, and with what it answered all the same.
     """
     typed = [os.fspath(word) for word in words]
     package = str(Path(__file__).parent.parent)
@@ -72,19 +72,22 @@ def ask(words: Sequence[str | os.PathLike[str]], bar: bool = False) -> str:
     reader.start()
     progress = _Progress(bar)
     try:
-        error, hint = _listen(process.stderr, progress)
+        error, hint = _listen(process.stderr, progress, notes)
         code = process.wait()
-        reader.join()
     except BaseException:
         _stop(process)
         raise
     finally:
         progress.close()
+        reader.join()
+        process.stdout.close()
+        process.stderr.close()
+    said = "".join(answer)
     if code == 0:
-        return "".join(answer)
-    if code < 0:
-        error = error or f"the command ended by signal {-code}"
-    raise (Mistake if code == MISTAKE else Failed)(error or f"the command ended with exit code {code}", hint)
+        return said
+    if error is None:
+        error = f"the command ended {f'by signal {-code}' if code < 0 else f'with exit code {code}'}"
+    raise (Mistake if code == MISTAKE else Failed)(error, hint, said)
 
 
 def ask_json(words: Sequence[str | os.PathLike[str]], bar: bool = False) -> Any:
@@ -117,7 +120,7 @@ def _stop(process: subprocess.Popen[str]) -> None:
         process.wait()
 
 
-def _listen(lines: Iterable[str], progress: _Progress) -> tuple[str | None, str | None]:
+def _listen(lines: Iterable[str], progress: _Progress, notes: bool) -> tuple[str | None, str | None]:
     """Shows progress and notes; returns the error and its hint, if there is one."""
     told: list[str] = []
     hints: list[str] = []
@@ -131,7 +134,7 @@ def _listen(lines: Iterable[str], progress: _Progress) -> tuple[str | None, str 
             hints = [line[len("hint: ") :]]
         elif hints or told:
             (hints or told).append(line)
-        else:
+        elif notes:
             print(line, file=sys.stderr)
     return "\n".join(told) or None, "\n".join(hints) or None
 

@@ -6,10 +6,12 @@ from __future__ import annotations
 class Error(Exception):
     """What went wrong; `hint` says what could be done about it, or is None."""
 
-    def __init__(self, message: str, hint: str | None = None) -> None:
+    def __init__(self, message: str, hint: str | None = None, answer: str = "") -> None:
         super().__init__(message if hint is None else f"{message}\nhint: {hint}")
         self.message = message
         self.hint = hint
+        #: What the command answered before it went wrong.
+        self.answer = answer
 
 
 class Mistake(Error, ValueError):

@@ -54,7 +54,9 @@ class Result:
                 "the run is about several goals, and each has a result of its own",
                 f"take one of result.goals: {', '.join(self.goals)}",
             )
-        exported: dict[str, Any] = json.loads(command.ask(["export", self.folder, "--as", "json"]))
+        exported: dict[str, Any] = json.loads(
+            command.ask(["export", self.folder, "--as", "json"], notes=False)
+        )
         return exported
 
     @cached_property
@@ -175,6 +177,8 @@ def check(
 ) -> dict[str, Any]:
     """Tries an environment, and holds demonstrations against it: what ``demosift task check --json`` shows.
 
+    That something is wrong is no exception here; one of the findings says so.
+
         demosift.check("my_demonstrations.hdf5", env=make)["findings"]
     """
     job = _job(env=env, python=python, heuristic=heuristic, horizon=horizon)
@@ -183,7 +187,13 @@ def check(
         path, *how = open_set(demonstrations).words()
         data = ["--data", path, *how]
     named_task = [] if task is None else [task]
-    answer: dict[str, Any] = command.ask_json(["task", "check", *named_task, *job, *data, *command.options(**options)])
+    words = ["task", "check", *named_task, *job, *data, *command.options(**options)]
+    try:
+        answer: dict[str, Any] = command.ask_json(words)
+    except Mistake as error:
+        if not error.answer:
+            raise
+        answer = json.loads(error.answer)
     return answer
 
 

@@ -112,7 +112,7 @@ class Set:
 
             columns = builtins.list(self.observation_columns), builtins.list(self.action_columns)
             try:
-                read = _demosift.read(self.path, self.format, *columns)
+                read = _demosift.read(self.path, self.format, *columns, self.episodes)
             except ValueError as error:
                 raise Mistake(*error.args) from error
             for label, observed, observations, acted, actions in read:
