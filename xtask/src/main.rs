@@ -1,4 +1,4 @@
-//! `cargo xtask`: fetches the pinned MuJoCo, then tests, demonstrates, measures or installs demosift.
+//! `cargo xtask`: fetches the pinned MuJoCo, then tests, demonstrates, measures, installs or packs demosift.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a terminal is all it has")]
 
 mod browser;
@@ -9,6 +9,7 @@ mod python;
 mod rendering;
 mod steps;
 mod taller;
+mod wheel;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -23,6 +24,8 @@ usage: cargo xtask COMMAND
   install [--root DIR] [--debug]
           setup; put the command and its MuJoCo where they work without this checkout: DIR/bin and DIR/lib/demosift;
           DIR is cargo's own folder if it is not given
+  wheel [--debug]
+          setup; build the wheel for Python, try it in fresh environments, and say how to install it
   fuzz [--seconds N] [TARGET...]
           setup; run each target of fuzz/ for a minute, or those that are named
   torture setup; build, then kill, break and crowd runs, with --full for hours
@@ -54,6 +57,7 @@ fn main() -> ExitCode {
         ["demo"] => set_up(&root).and_then(|()| steps::demo(&root)),
         ["bench"] => set_up(&root).and_then(|()| steps::bench(&root)),
         ["install", ref rest @ ..] => set_up(&root).and_then(|()| install::install(&root, rest)),
+        ["wheel", ref rest @ ..] => set_up(&root).and_then(|()| wheel::wheel(&root, rest)),
         ["fuzz", ref options @ ..] => set_up(&root).and_then(|()| fuzzing::run(&root, options)),
         ["torture", ref options @ ..] => set_up(&root).and_then(|()| steps::torture(&root, options)),
         ["schema"] => set_up(&root).and_then(|()| steps::schema(&root)),

@@ -82,8 +82,7 @@ pub(crate) fn set_up(root: &Path) -> Result<(), String> {
 
 /// Copies the library that [`set_up`] found into a folder, under the name by which programs ask for it.
 pub(crate) fn copy_to(folder: &Path, root: &Path) -> Result<(), String> {
-    let own = own_folder(root);
-    let library = users_own_folder(&own).unwrap_or(own).join(LINK_NAME);
+    let library = self::folder(root).join(LINK_NAME);
     create_folder(folder)?;
     let target = folder.join(LIBRARY);
     // Under another name first: a program that runs keeps the file that it opened.
@@ -91,6 +90,12 @@ pub(crate) fn copy_to(folder: &Path, root: &Path) -> Result<(), String> {
     fs::copy(&library, &whole)
         .and_then(|_| fs::rename(&whole, &target))
         .map_err(|error| format!("cannot copy {} to {}: {error}", library.display(), target.display()))
+}
+
+/// The folder in which [`set_up`] found the library.
+pub(crate) fn folder(root: &Path) -> PathBuf {
+    let own = own_folder(root);
+    users_own_folder(&own).unwrap_or(own)
 }
 
 fn own_folder(root: &Path) -> PathBuf {

@@ -9,9 +9,10 @@ use demosift::{Error, Result};
 use rand::Rng as _;
 use serde::Serialize;
 
-use crate::session::{Session, Turn};
+use crate::session::Session;
 use crate::task::GymnasiumTask;
 use crate::trial::{Repeats, Trial, episode, random_actions, trial};
+use crate::turn::Turn;
 
 /// Steps of each of the three episodes by which is seen whether an environment repeats, where a user asks for it.
 const CHECK_STEPS: usize = 200;
@@ -140,7 +141,7 @@ fn plays_alike(task: &GymnasiumTask, session: &mut Session, horizon: usize) -> R
 fn measurements(turns: &[Turn], width: usize) -> Rows {
     let mut rows = Rows::with_capacity(width, turns.len());
     rows.push(&vec![0.0; width]);
-    turns.iter().skip(1).for_each(|turn| rows.push(&GymnasiumTask::row(turn)));
+    turns.iter().skip(1).for_each(|turn| rows.push(&turn.row()));
     rows
 }
 

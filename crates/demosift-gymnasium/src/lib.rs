@@ -3,13 +3,16 @@
 //! The environment lives in the user's own interpreter, one process for each worker, so that it may need whatever it needs:
 //! its MuJoCo need not be ours, and what crashes there is an error here.
 //! A process is handed one file of Python, which is part of this crate and needs numpy and gymnasium only.
-//! The policy is played here and stepped over a pipe, so what it does has the bits of every other task.
+//! The policy is played by this crate, here and stepped over a pipe, or there, where the wheel of demosift can be imported; so
+//! what it does has the bits of every other task.
 //!
 //! | here | is |
 //! |---|---|
 //! | [`source`] | what the user calls the environment, and what a set says of its own |
 //! | `process` | one process: frames, a time limit, its last words |
-//! | `session` | one environment that is open: reset, step |
+//! | [`turn`] | what a reset or a step leads to |
+//! | [`whole`] | one episode, played here or there |
+//! | `session` | one environment that is open: reset, step, whole episodes |
 //! | [`task`] | the environment as a [`Task`](demosift::world::environment::Task) with its workers |
 //! | [`trial`] | a few steps by which is seen whether it repeats |
 //! | [`units`] | actions in the environment's own unit |
@@ -24,4 +27,6 @@ mod session;
 pub mod source;
 pub mod task;
 pub mod trial;
+pub mod turn;
 pub mod units;
+pub mod whole;

@@ -16,6 +16,8 @@ use demosift::{Error, Result};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, Signal, kill_process_group};
 
+use crate::session::BEAT;
+
 /// What the interpreter runs.
 const WORKER: &str = include_str!("../python/demosift/worker.py");
 /// Lines that are remembered of what a process wrote to standard error.
@@ -119,6 +121,16 @@ impl Process {
         if !sent {
             return Err(self.died(what));
         }
+        loop {
+            let answer = self.frame(what)?;
+            if answer.letter != BEAT {
+                return Ok(answer);
+            }
+        }
+    }
+
+    /// The next frame, which has to come within the time limit.
+    fn frame(&mut self, what: &str) -> Result<Answer> {
         let until = Instant::now() + self.time_limit;
         self.read_to(HEAD, until, what)?;
         let length = u32::from_le_bytes([self.read[0], self.read[1], self.read[2], self.read[3]]) as usize;

@@ -1,16 +1,19 @@
-//! One environment that is open in a process: it is reset and stepped from here.
+//! One environment that is open in a process: it is reset and stepped from here, or plays whole episodes there.
 
 use std::collections::BTreeMap;
 
+use demosift::data::trajectory::Parts;
 use demosift::{Error, Result};
 use serde::Deserialize;
 use serde_json::json;
 
 use crate::process::{Answer, Interpreter, Process};
 use crate::source::Source;
+use crate::turn::{Turn, TurnSizes};
+use crate::whole::{self, Act, Sizes, Turns};
 
 /// The version of the frames, the same in `python/demosift/worker.py`.
-const PROTOCOL: u32 = 1;
+const PROTOCOL: u32 = 2;
 const OPEN: u8 = b'O';
 const MEASURE: u8 = b'M';
 const RESET: u8 = b'R';
@@ -19,10 +22,10 @@ const GREETING: u8 = b'G';
 const DONE: u8 = b'K';
 const TURN: u8 = b'T';
 const PROBLEM: u8 = b'E';
-const TERMINATED: u8 = 1;
-const TRUNCATED: u8 = 2;
-/// Flags and reward stand before the observation of a turn.
-const TURN_HEAD: usize = 9;
+const PLAY: u8 = b'P';
+const PLAYED: u8 = b'W';
+/// The worker still plays: each step may take as long as the time limit says.
+pub(crate) const BEAT: u8 = b'H';
 
 /// What an environment says of itself when it is opened.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -40,6 +43,8 @@ pub(crate) struct Greeting {
     pub(crate) limit: Option<usize>,
     /// Simulated seconds of a step.
     pub(crate) step_secs: Option<f64>,
+    /// What plays whole episodes there, if demosift can be imported; see [`whole::PLAYER`].
+    pub(crate) player: Option<String>,
 }
 
 /// What was wrong in the process.
@@ -53,23 +58,12 @@ struct Problem {
     place: Option<String>,
 }
 
-/// What a reset or a step leads to.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Turn {
-    pub(crate) terminated: bool,
-    pub(crate) truncated: bool,
-    pub(crate) reward: f64,
-    /// `[obs]`.
-    pub(crate) observation: Vec<f32>,
-    /// The numbers of info that are measured.
-    pub(crate) info: Vec<f64>,
-}
-
 /// An open environment. After an error it is of no use.
 pub(crate) struct Session {
     process: Process,
-    observation_size: usize,
-    measured: usize,
+    sizes: TurnSizes,
+    /// Whether the process plays whole episodes by itself.
+    plays: bool,
     /// Whether the last request was answered; only then another one may be made.
     sound: bool,
 }
@@ -94,12 +88,14 @@ impl Session {
                 greeting.protocol
             )));
         }
-        let observation_size = greeting.parts.iter().map(|(_, width)| width).sum();
-        if observation_size == 0 {
+        let observation = greeting.parts.iter().map(|(_, width)| width).sum();
+        if observation == 0 {
             let message = format!("an observation of {} has no numbers", source.words());
             return Err(Error::bad_input(message));
         }
-        Ok((Self { process, observation_size, measured: 0, sound: true }, greeting))
+        let sizes = TurnSizes { observation, info: 0 };
+        let plays = greeting.player.as_deref() == Some(whole::PLAYER);
+        Ok((Self { process, sizes, plays, sound: true }, greeting))
     }
 
     /// Measures these numbers of info from now on. Returns all there are: if one of them is missing, nothing is measured.
@@ -111,22 +107,22 @@ impl Session {
         let answer = self.ask(MEASURE, asked.as_bytes(), "an episode of random actions")?;
         let known: Vec<String> = json_of(&answer, DONE, "names")?;
         if names.iter().all(|name| known.contains(name)) {
-            self.measured = names.len();
+            self.sizes.info = names.len();
         }
         Ok(known)
     }
 
-    /// Starts an episode.
-    pub(crate) fn reset(&mut self, seed: u64, turn: &mut Turn) -> Result<()> {
-        let answer = self.ask(RESET, &seed.to_le_bytes(), "a reset")?;
-        self.read_turn(&answer, turn)
-    }
-
-    /// Takes a step with an action `[act]` in the environment's own unit.
-    pub(crate) fn step(&mut self, action: &[f64], turn: &mut Turn) -> Result<()> {
-        let payload: Vec<u8> = action.iter().flat_map(|number| number.to_le_bytes()).collect();
-        let answer = self.ask(STEP, &payload, "a step")?;
-        self.read_turn(&answer, turn)
+    /// Plays whole episodes of one policy, one for each of `acts`, in the process if it has what plays there.
+    pub(crate) fn play(&mut self, sizes: &Sizes, acts: &[Act<'_>]) -> Result<Vec<Parts>> {
+        if !self.plays {
+            return acts.iter().map(|act| whole::play(self, sizes, act)).collect();
+        }
+        let answer = self.ask(PLAY, &whole::request(sizes, acts)?, "a step of an episode")?;
+        self.sound = false;
+        let wanted = if answer.letter == PLAYED { answer.payload.as_slice() } else { &[] };
+        let played = whole::episodes(wanted, acts.len(), sizes)?;
+        self.sound = true;
+        Ok(played)
     }
 
     /// Whether it answered all that was asked, so that it may be asked again.
@@ -156,30 +152,25 @@ impl Session {
     }
 
     fn read_turn(&mut self, answer: &Answer, turn: &mut Turn) -> Result<()> {
-        let Answer { letter, payload } = answer;
-        let (observed, measured) = (self.observation_size, self.measured);
-        if *letter != TURN || payload.len() != TURN_HEAD + 4 * observed + 8 * measured {
+        if answer.letter != TURN || !turn.read(&answer.payload, self.sizes) {
             self.sound = false;
             return Err(Error::simulation("the worker's answer to a step is no turn"));
         }
-        let (head, rest) = payload.split_at(TURN_HEAD);
-        let (observation, info) = rest.split_at(4 * observed);
-        turn.terminated = head[0] & TERMINATED != 0;
-        turn.truncated = head[0] & TRUNCATED != 0;
-        turn.reward = f64s(&head[1..]).next().unwrap_or(f64::NAN);
-        turn.observation.clear();
-        turn.observation
-            .extend(observation.chunks_exact(4).map(|of| f32::from_le_bytes([of[0], of[1], of[2], of[3]])));
-        turn.info.clear();
-        turn.info.extend(f64s(info));
         Ok(())
     }
 }
 
-fn f64s(bytes: &[u8]) -> impl Iterator<Item = f64> {
-    bytes
-        .chunks_exact(8)
-        .map(|of| f64::from_le_bytes([of[0], of[1], of[2], of[3], of[4], of[5], of[6], of[7]]))
+impl Turns for Session {
+    fn reset(&mut self, seed: u64, turn: &mut Turn) -> Result<()> {
+        let answer = self.ask(RESET, &seed.to_le_bytes(), "a reset")?;
+        self.read_turn(&answer, turn)
+    }
+
+    fn step(&mut self, action: &[f64], turn: &mut Turn) -> Result<()> {
+        let payload: Vec<u8> = action.iter().flat_map(|number| number.to_le_bytes()).collect();
+        let answer = self.ask(STEP, &payload, "a step")?;
+        self.read_turn(&answer, turn)
+    }
 }
 
 fn problem(answer: &Answer, what: &str) -> Result<Problem> {

@@ -5,20 +5,19 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use demosift::data::trajectory::{Ended, Parts, Trajectory};
+use demosift::data::trajectory::{Parts, Trajectory};
 use demosift::math::rows::Rows;
 use demosift::world::environment::{Episode, Rollout, Specification, Task, Worker};
 use demosift::world::fold::{Fold, FoldOf, Measurements};
 use demosift::world::heuristic::{Heuristic, Score};
-use demosift::world::policy::{Acting, Player};
 use demosift::{Error, Result};
-use rand::Rng as _;
 
 use crate::process::Interpreter;
-use crate::session::{Greeting, Session, Turn};
+use crate::session::{Greeting, Session};
 use crate::source::Source;
 use crate::trial::{self, Repeats, Trial};
 use crate::units::Units;
+use crate::whole::{Act, Sizes};
 
 /// The heuristic where none is named.
 pub const DEFAULT_HEURISTIC: &str = "sum reward";
@@ -195,12 +194,16 @@ impl GymnasiumTask {
         }
     }
 
-    /// A row of measurements after a step.
-    pub(crate) fn row(turn: &Turn) -> Vec<f32> {
-        let terminated = if turn.terminated { 1.0 } else { 0.0 };
-        let mut row = vec![turn.reward as f32, terminated];
-        row.extend(turn.info.iter().map(|number| *number as f32));
-        row
+    /// The sizes of an episode.
+    fn sizes(&self) -> Sizes {
+        let Specification { observation_size, control_ranges, measurements, horizon, .. } =
+            self.specification();
+        Sizes {
+            observation: *observation_size,
+            info: measurements.len() - ALWAYS.len(),
+            horizon: *horizon,
+            bounds: control_ranges.clone(),
+        }
     }
 }
 
@@ -310,50 +313,25 @@ impl Worker for GymnasiumWorker {
     fn play(&mut self, episodes: &[Episode<'_>]) -> Result<Vec<Rollout>> {
         let Self { task, session } = self;
         let session = session.as_mut().ok_or_else(|| Error::simulation("the worker has no environment"))?;
-        episodes
-            .iter()
-            .map(|episode| {
-                play(task, session, episode).map_err(|error| error.during(&task.specification().name))
-            })
-            .collect()
+        let Specification { name, measurements, .. } = task.specification();
+        let sizes = task.sizes();
+        let mut rollouts = Vec::with_capacity(episodes.len());
+        for alike in episodes.chunk_by(|a, b| std::ptr::eq(a.policy, b.policy) && a.acting == b.acting) {
+            let acts = alike.iter().map(|&Episode { policy, acting, seed, .. }| Act { policy, acting, seed });
+            let acts: Vec<Act<'_>> = acts.collect();
+            let played = session.play(&sizes, &acts).and_then(|played| {
+                played.into_iter().map(|parts| rollout(parts, measurements)).collect::<Result<Vec<_>>>()
+            });
+            rollouts.extend(played.map_err(|error| error.during(name))?);
+        }
+        Ok(rollouts)
     }
 }
 
-fn play(task: &GymnasiumTask, session: &mut Session, episode: &Episode<'_>) -> Result<Rollout> {
-    let Specification { observation_size, action_size, measurements, horizon, .. } = task.specification();
-    let mut parts = Parts {
-        observations: Rows::with_capacity(*observation_size, horizon + 1),
-        actions: Rows::with_capacity(*action_size, *horizon),
-        measurements: Rows::with_capacity(measurements.len(), horizon + 1),
-        task_rewards: Vec::with_capacity(*horizon),
-        ended: Ended::Horizon,
-    };
-    let (mut turn, mut action, mut own) = (Turn::default(), vec![0.0; *action_size], vec![0.0; *action_size]);
-    let mut player = Player::new(episode.policy);
-    let mut rng = episode.seed.of("act").into_rng();
-    session.reset(u64::from(episode.seed.of("reset").into_rng().next_u32()), &mut turn)?;
-    parts.observations.push(&turn.observation);
-    parts.measurements.push(&vec![0.0; measurements.len()]);
-    while parts.actions.len() < *horizon && parts.ended == Ended::Horizon {
-        match episode.acting {
-            Acting::Sampled => player.sample(&turn.observation, &mut rng, &mut action),
-            Acting::Mean => player.mean(&turn.observation, &mut action),
-        }
-        task.units().to_own(&action, &mut own);
-        session.step(&own, &mut turn)?;
-        parts.actions.push(&action);
-        parts.observations.push(&turn.observation);
-        let row = GymnasiumTask::row(&turn);
-        check_finite(&row, measurements, parts.actions.len())?;
-        parts.measurements.push(&row);
-        parts.task_rewards.push(turn.reward as f32);
-        parts.ended = match (turn.terminated, turn.truncated) {
-            (true, _) => Ended::Terminated,
-            // A limit of its own that is also the horizon.
-            (false, true) if parts.actions.len() < *horizon => Ended::Truncated,
-            (false, _) => Ended::Horizon,
-        };
-    }
+/// An episode, if every number of it is finite.
+fn rollout(parts: Parts, names: &[String]) -> Result<Rollout> {
+    let rows = parts.measurements.iter().enumerate();
+    rows.map(|(step, row)| check_finite(row, names, step)).collect::<Result<()>>()?;
     Ok(Rollout { trajectory: Trajectory::new(parts)?, states: None })
 }
 

@@ -7,8 +7,10 @@ use demosift::basics::seed::Seed;
 use rand::Rng as _;
 use serde::{Deserialize, Serialize};
 
-use crate::session::{Session, Turn};
+use crate::session::Session;
+use crate::turn::Turn;
 use crate::units::Units;
+use crate::whole::Turns as _;
 
 /// Whether the same seed and the same actions make the same episode again, with another one played between.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -7,6 +7,7 @@
 //! The exception is a folder of pictures, which is written for as long as they are rendered: its hidden folder stays, and goes
 //! away when the same pictures are made again.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -38,10 +39,10 @@ pub(crate) enum GoesOn {
 /// From here on Ctrl-C and SIGTERM end the process as described above.
 ///
 /// Where the system refuses, they end it at once and without a word, which a run survives just as well.
-pub(crate) fn listen(goes_on: GoesOn) {
+pub(crate) fn listen(typed: Vec<OsString>, goes_on: GoesOn) {
     // The thread that ends the process in order must exist before the default way to end it is replaced.
     let listener = Signals::new([SIGINT, SIGTERM]).and_then(|mut signals| {
-        let wait = move || signals.forever().take(1).for_each(|signal| stop(signal, goes_on));
+        let wait = move || signals.forever().take(1).for_each(|signal| stop(signal, &typed, goes_on));
         thread::Builder::new().name("interruption".to_owned()).spawn(wait)
     });
     let again = Arc::new(AtomicBool::new(listener.is_err()));
@@ -57,14 +58,14 @@ pub(crate) fn run_is_in(folder: &Path) {
     *lock(&FOLDER) = Some(folder.to_owned());
 }
 
-fn stop(signal: i32, goes_on: GoesOn) {
+fn stop(signal: i32, typed: &[OsString], goes_on: GoesOn) {
     // Never given back: from here on nothing more is written.
     let _writing = writing::hold();
     let folder = lock(&FOLDER);
     match folder.as_deref() {
         Some(folder) if goes_on != GoesOn::Never => {
             // A path need not be UTF-8, and a panic here would be shown to nobody.
-            let typed = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
+            let typed = typed.iter().map(|word| word.to_string_lossy().into_owned());
             terminal::say_stopped(folder, &command_to_go_on(typed, goes_on));
         }
         _ => terminal::say_stopped_only(),

@@ -10,6 +10,7 @@ use std::time::Duration;
 use demosift::basics::observer::{Event, Observer};
 use demosift::{Error, Result};
 use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
 
 use crate::files::metrics_file::MetricsFile;
 
@@ -117,6 +118,9 @@ fn clear_bar() {
     }
 }
 
+/// Asks for lines of progress on standard error, for a program that shows a bar of its own; `lines` is what it is set to.
+const PROGRESS_VARIABLE: &str = "DEMOSIFT_PROGRESS";
+
 /// Shows a bar for the stage that runs, and writes down what is measured.
 ///
 /// The bar hides itself where standard error is not a terminal.
@@ -124,6 +128,8 @@ pub(crate) struct Progress {
     /// A look at something measures nothing.
     metrics: Option<MetricsFile>,
     bar: ProgressBar,
+    /// Whether lines are asked for in place of the bar.
+    in_lines: bool,
 }
 
 impl Progress {
@@ -133,7 +139,8 @@ impl Progress {
 
     /// Shows the bar and writes nothing down.
     pub(crate) fn of_bar_only() -> Self {
-        Self { metrics: None, bar: ProgressBar::hidden() }
+        let in_lines = std::env::var_os(PROGRESS_VARIABLE).is_some_and(|asked| asked == "lines");
+        Self { metrics: None, bar: ProgressBar::hidden(), in_lines }
     }
 
     /// Clears the bar.
@@ -142,6 +149,9 @@ impl Progress {
     }
 
     fn start(&mut self, stage: &str, done: usize, total: usize) {
+        if self.in_lines {
+            return progress_line(&json!({ "stage": what(stage), "done": done, "total": total }));
+        }
         self.bar.finish_and_clear();
         let style =
             ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len}, {elapsed} so far, {eta} left")
@@ -154,10 +164,16 @@ impl Progress {
     }
 }
 
+/// One line of progress, which no other line looks like.
+fn progress_line(told: &Value) {
+    let _ = writeln!(std::io::stderr().lock(), "progress: {told}");
+}
+
 impl Observer for Progress {
     fn on(&mut self, event: Event<'_>) -> Result<()> {
         match event {
             Event::Started { stage, done, total } => self.start(stage, done, total),
+            Event::Advanced { done, .. } if self.in_lines => progress_line(&json!({ "done": done })),
             Event::Advanced { done, .. } => self.bar.set_position(done as u64),
             Event::Measured { stage, part, iteration, numbers } => {
                 if let Some(metrics) = &mut self.metrics {

@@ -41,6 +41,9 @@ pub(crate) struct Simulator {
     pub(crate) versions: BTreeMap<String, String>,
     /// Whether the same seed made the same episode when the run began.
     pub(crate) repeats: Repeats,
+    /// Least and greatest of each number of an action, in the environment's own unit: what −1 and 1 of a policy mean.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) bounds: Vec<[f64; 2]>,
     /// The environment that a set named, as Gymnasium writes it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) spec: Option<String>,
@@ -66,6 +69,7 @@ impl Simulated {
             horizon: task.specification().horizon,
             versions: task.versions().clone(),
             repeats: task.repeats(),
+            bounds: task.specification().control_ranges.clone(),
             spec: source.spec().map(str::to_owned),
             trusted: matches!(source, Source::Set { trusted: true, .. }),
         }
@@ -243,6 +247,7 @@ mod tests {
                 .map(|(name, version)| ((*name).to_owned(), (*version).to_owned()))
                 .collect(),
             repeats: Repeats::Exactly,
+            bounds: Vec::new(),
             spec: None,
             trusted: false,
         }

@@ -1,6 +1,7 @@
 """Plays one Gymnasium environment for demosift, which asks over standard input and is answered over standard output.
 
 demosift hands this file to the user's own interpreter, so it needs numpy and gymnasium and nothing of demosift.
+Where the wheel of demosift can be imported too, whole episodes are played here by the same code that steps it otherwise.
 What is asked and answered are frames: the length of the payload (u32), one letter, the payload; all numbers little-endian.
 
 | asked | payload | answered | payload |
@@ -9,6 +10,7 @@ What is asked and answered are frames: the length of the payload (u32), one lett
 | `M` measure | JSON: names of numbers in info | `K` done | none |
 | `R` reset | seed, u64 | `T` turn | see `turn` |
 | `S` step | action in the environment's own unit, f64 each | `T` turn | see `turn` |
+| `P` play | policy and seeds, see `src/whole.rs` | `W` played | episodes; before it may stand any number of `H`, for "still playing" |
 | | | `E` error | JSON: what was wrong |
 
 It ends when standard input does, and with its parent.
@@ -21,8 +23,8 @@ import signal
 import struct
 import sys
 
-PROTOCOL = 1
-LETTERS = {"open": b"O", "measure": b"M", "reset": b"R", "step": b"S"}
+PROTOCOL = 2
+LETTERS = {"open": b"O", "measure": b"M", "reset": b"R", "step": b"S", "play": b"P"}
 TERMINATED, TRUNCATED = 1, 2
 PR_SET_PDEATHSIG = 1
 DEEPEST = 8
@@ -226,6 +228,16 @@ def versions(env):
     return found
 
 
+def player_of_episodes():
+    """What plays whole episodes: demosift's own code, where the wheel is installed here; its version tells whether it is the same."""
+    try:
+        from demosift import _demosift
+
+        return _demosift, _demosift.PLAYER
+    except Exception:  # Whatever is wrong with it, the environment can be stepped.
+        return None, None
+
+
 def as_number(value):
     """A number of info as a float; None if it is none."""
     import numbers
@@ -260,6 +272,7 @@ class Player:
             self.parts.append((name, way, numbers, width))
         self.shape, self.dtype = env.action_space.shape, env.action_space.dtype
         self.always, self.measured, self.steps = set(), [], 0
+        self.width = sum(width for _, _, _, width in self.parts)
 
     def reset(self, seed):
         import random
@@ -321,6 +334,10 @@ class Player:
             if not whole_episode or terminated or truncated or seen == limit:
                 return sorted(found)
 
+    def sizes(self):
+        """Numbers in an observation, and numbers of info that are measured."""
+        return self.width, len(self.measured)
+
     def greeting(self, limit):
         info = self.numbers_in_info(False, 1)
         return {
@@ -336,14 +353,18 @@ class Player:
 
 
 class Desk:
-    """Answers one frame after the other."""
+    """Answers one frame after the other; `beat` says that an answer is still worked on."""
 
-    def __init__(self):
+    def __init__(self, beat):
         self.player = None
+        self.beat = beat
+        self.episodes = None
 
     def answer(self, letter, payload):
         if letter == LETTERS["step"]:
             return b"T", self.player.step(payload)
+        if letter == LETTERS["play"]:
+            return b"W", self.episodes.play(payload, self.player, self.beat)
         if letter == LETTERS["reset"]:
             return b"T", self.player.reset(struct.unpack("<Q", payload)[0])
         asked = json.loads(payload)
@@ -351,7 +372,10 @@ class Desk:
             return b"K", self.measure(asked)
         if letter == LETTERS["open"]:
             self.player = Player(make(asked))
-            return b"G", json.dumps(self.player.greeting(asked.get("limit"))).encode()
+            greeting = self.player.greeting(asked.get("limit"))
+            # After the environment, which may bring a MuJoCo of its own.
+            self.episodes, greeting["player"] = player_of_episodes()
+            return b"G", json.dumps(greeting).encode()
         raise ValueError(f"the request {letter!r} is unknown to a worker of protocol {PROTOCOL}")
 
     def measure(self, asked):
@@ -396,7 +420,7 @@ def send(descriptor, letter, payload):
 def main():
     end_with_parent(int(sys.argv[1]))
     asked, answers = take_streams()
-    desk = Desk()
+    desk = Desk(lambda: send(answers, b"H", b""))
     while True:
         head = exactly(asked, 5)
         payload = None if head is None else exactly(asked, struct.unpack("<I", head[:4])[0])

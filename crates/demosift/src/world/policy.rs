@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use crate::basics::seed::{Rng, Seed};
 use crate::data::observation_filter::ObservationFilter;
 use crate::math::nn::gaussian;
-use crate::math::nn::mlp::{Mlp, Tape};
+pub use crate::math::nn::mlp::Mlp;
+use crate::math::nn::mlp::Tape;
 use crate::math::rows::Rows;
 
 /// Gain of the last layer at the start: small, so that first actions are noise around zero.

@@ -1,0 +1,5 @@
+"""``python -m demosift`` is the command."""
+
+from .command import main
+
+main()

@@ -1,0 +1,80 @@
+"""Functions of yours as the command names them: it runs them in other processes."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from .errors import Mistake
+from .sets import HOME, write_whole
+
+_PICKLED = '''"""Written by demosift: a function of a notebook or script, as cloudpickle keeps it."""
+
+import base64
+import sys
+
+import cloudpickle
+
+sys.path += [folder for folder in {folders!r} if folder not in sys.path]
+function = cloudpickle.loads(base64.b64decode("""
+{lines}
+"""))
+'''
+
+
+def named(function: str | Callable[..., Any], what: str) -> str:
+    """A function as the command takes it: ``file.py:name`` or ``module:name``; text is taken as it is.
+
+    What lies in a file is named, and imported by the workers.
+    What has no name there (a lambda, a function within another, one of a notebook or of the script that runs) is written to
+    a file in `runs` by cloudpickle.
+    """
+    if isinstance(function, str):
+        return function
+    if not callable(function):
+        raise Mistake(
+            f"{what} is a {type(function).__name__}", "wanted a function without arguments, a class, or its name as text"
+        )
+    module_name, name = getattr(function, "__module__", None), getattr(function, "__qualname__", None)
+    module = sys.modules.get(module_name or "")
+    if module is None or module_name == "__main__" or name is None or _found(module, name) is not function:
+        return _pickled(function, what)
+    assert module_name is not None
+    if "." in module_name or getattr(module, "__file__", None) is None:
+        return f"{module_name}:{name}"
+    return f"{os.path.abspath(str(module.__file__))}:{name}"
+
+
+def _found(module: Any, name: str) -> Any:
+    found = module
+    for part in name.split("."):
+        found = getattr(found, part, None)
+    return found
+
+
+def _own_folders() -> list[str]:
+    """Where this program finds modules beyond what is installed: the function may need them."""
+    installed = (os.path.abspath(sys.prefix), os.path.abspath(sys.base_prefix))
+    folders = [os.path.abspath(folder) for folder in sys.path]
+    return [folder for folder in folders if os.path.isdir(folder) and not folder.startswith(installed)]
+
+
+def _pickled(function: Callable[..., Any], what: str) -> str:
+    try:
+        import cloudpickle
+    except ImportError as error:
+        raise Mistake(
+            f"{what} is a function of a notebook, of the script that runs, or without a name, and workers cannot import it",
+            "install cloudpickle, or put it into a file and import it from there",
+        ) from error
+    pickled = base64.encodebytes(cloudpickle.dumps(function)).decode()
+    text = _PICKLED.format(lines=pickled.strip(), folders=_own_folders()).encode()
+    path = HOME / f"function-{hashlib.sha256(text).hexdigest()[:12]}.py"
+    if not path.exists():
+        write_whole(path, lambda file: file.write(text))
+    return f"{Path(path).absolute()}:function"

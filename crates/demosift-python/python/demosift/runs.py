@@ -1,0 +1,242 @@
+"""Runs: what they are asked for, and what they found."""
+
+from __future__ import annotations
+
+import html
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from . import command
+from .callables import named
+from .errors import Mistake
+from .policies import Policy
+from .sets import open as open_set
+
+#: Which judge and which referee an imitator means.
+_IMITATION = {
+    "cloning": {"judge": "cloning", "values": ["referee.gail=0"]},
+    "gail": {"judge": "paper", "values": ["referee.cloning=0"]},
+}
+
+
+class Report:
+    """The page of a run; a notebook shows it."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def _repr_html_(self) -> str:
+        page = html.escape(self.path.read_text(encoding="utf-8"), quote=True)
+        return f'<iframe srcdoc="{page}" style="width: 100%; height: 800px; border: 0"></iframe>'
+
+    def __repr__(self) -> str:
+        return f"demosift.Report({str(self.path)!r})"
+
+
+class Result:
+    """What a run found, read from its folder."""
+
+    def __init__(self, folder: str | os.PathLike[str]) -> None:
+        self.folder = Path(folder)
+        if not (self.folder / "run.json").is_file():
+            raise Mistake(f"this is no run folder: {self.folder}", "wanted a folder that a run has written")
+
+    @cached_property
+    def _exported(self) -> dict[str, Any]:
+        if self.goals:
+            raise Mistake(
+                "the run is about several goals, and each has a result of its own",
+                f"take one of result.goals: {', '.join(self.goals)}",
+            )
+        exported: dict[str, Any] = json.loads(
+            command.ask(["export", self.folder, "--as", "json"], notes=False)
+        )
+        return exported
+
+    @cached_property
+    def goals(self) -> dict[str, Result]:
+        """The result for each goal, where the task has several; empty where it has one."""
+        if (self.folder / "ranking.json").is_file():
+            return {}
+        inner = sorted(path.parent for path in self.folder.glob("*/run.json"))
+        return {folder.name: Result(folder) for folder in inner}
+
+    @property
+    def ranking(self) -> Any:
+        """A row for each demonstration, the most suitable first: a DataFrame where pandas is installed, else a list of dicts."""
+        return _table(self._exported["demonstrations"])
+
+    @property
+    def kept(self) -> list[int]:
+        """The demonstrations to train on, in the order of the set: what the referee recommends."""
+        return sorted(row["demonstration"] for row in self._exported["demonstrations"] if row["kept"])
+
+    @property
+    def verdict(self) -> str | None:
+        """What to train on, and whether selecting helps, in a sentence; None where nothing was trained."""
+        found = self._read("verdict.json")
+        return None if found is None else str(found["sentence"])
+
+    @cached_property
+    def policy(self) -> Policy:
+        """The policy to take, called with an observation; in an environment of Python it acts in its own unit."""
+        path = self.folder / "policy_best.safetensors"
+        if not path.is_file():
+            raise Mistake(f"the run has no policy: {self.folder}", "the referee trains policies; it was asked for none")
+        simulator = (self._read("run.json") or {}).get("simulator") or {}
+        return Policy(path, simulator.get("bounds"))
+
+    def report(self) -> Report:
+        """The page of the run, made if it is not there."""
+        path = self.folder / "report.html"
+        if not path.is_file():
+            command.ask(["report", self.folder])
+        return Report(path)
+
+    def _read(self, name: str) -> dict[str, Any] | None:
+        path = self.folder / name
+        if not path.is_file():
+            return None
+        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        return found
+
+    def _repr_html_(self) -> str:
+        words = html.escape(self.verdict or "Ranked; nothing was trained.")
+        shows = None if self.goals else getattr(self.ranking, "_repr_html_", None)
+        return f"<p>{words}</p>{shows() if shows else ''}"
+
+    def __repr__(self) -> str:
+        return f"demosift.Result({str(self.folder)!r}): {self.verdict or 'no verdict'}"
+
+
+def sift(
+    demonstrations: Any,
+    *,
+    env: str | Callable[[], Any] | None = None,
+    task: str | None = None,
+    heuristic: str | None = None,
+    imitation: str | None = None,
+    workers: int | None = None,
+    horizon: int | None = None,
+    out: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    values: Mapping[str, Any] | None = None,
+    python: str | os.PathLike[str] | None = None,
+    progress: bool = True,
+    **options: Any,
+) -> Result:
+    """Ranks demonstrations, keeps the best, and trains policies to show whether that was worth it.
+
+    `demonstrations` is whatever `demosift.open` takes.
+    `env` is an environment of Gymnasium: ``"gymnasium:HalfCheetah-v5"``, ``"my_env.py:make"``, ``"from-set"``, or a function
+    without arguments, or class, that makes one; `task` is a task of demosift instead.
+    `heuristic` says what a good episode is, such as ``"any is_success"``; by default the sum of rewards.
+    `imitation` is ``"cloning"`` or ``"gail"`` if only that is to judge and train.
+    `python` is the interpreter of the environment, by default this one.
+    `values` are values of the configuration, such as ``{"judge.iterations": 3}``.
+    Other keywords are options of ``demosift sift``: ``preset="quick"``, ``judge="cloning"``, ``referee="none"``, ``keep=5``,
+    ``seed=1``, ``threads=2``, ``variant="left"``, ``time_limit=120``.
+
+    Ctrl-C stops it, and ``resume=True`` goes on.
+    """
+    job = _job(env=env, task=task, python=python, heuristic=heuristic, workers=workers, horizon=horizon)
+    values = dict(values or {})
+    words = [f"{key}={value}" for key, value in values.items()]
+    if imitation is not None:
+        if imitation not in _IMITATION:
+            raise Mistake(f"imitation is {imitation!r}, and must be 'cloning' or 'gail'")
+        options.setdefault("judge", _IMITATION[imitation]["judge"])
+        if options.get("referee") is None:
+            words += _IMITATION[imitation]["values"]
+    sets = [word for value in words for word in ("--set", value)]
+    asked = ["sift", *open_set(demonstrations).words(), *job, *sets]
+    answer = command.ask_json([*asked, *command.options(out=out, resume=resume, **options)], bar=progress)
+    return Result(answer["run_folder"])
+
+
+def load(folder: str | os.PathLike[str]) -> Result:
+    """The result of an earlier run."""
+    return Result(folder)
+
+
+def check(
+    demonstrations: Any = None,
+    *,
+    env: str | Callable[[], Any] | None = None,
+    task: str | None = None,
+    heuristic: str | None = None,
+    horizon: int | None = None,
+    python: str | os.PathLike[str] | None = None,
+    **options: Any,
+) -> dict[str, Any]:
+    """Tries an environment, and holds demonstrations against it: what ``demosift task check --json`` shows.
+
+    That something is wrong is no exception here; one of the findings says so.
+
+        demosift.check("my_demonstrations.hdf5", env=make)["findings"]
+    """
+    job = _job(env=env, python=python, heuristic=heuristic, horizon=horizon)
+    data = []
+    if demonstrations is not None:
+        path, *how = open_set(demonstrations).words()
+        data = ["--data", path, *how]
+    named_task = [] if task is None else [task]
+    words = ["task", "check", *named_task, *job, *data, *command.options(**options)]
+    try:
+        answer: dict[str, Any] = command.ask_json(words)
+    except Mistake as error:
+        if not error.answer:
+            raise
+        answer = json.loads(error.answer)
+    return answer
+
+
+def judge(
+    demonstrations: Any, *, prior: str | os.PathLike[str] | Result, progress: bool = True, **options: Any
+) -> Any:
+    """Where new demonstrations, of which one is enough, would stand in the ranking of an earlier run.
+
+    A row for each, by the judge whose order is taken there: a DataFrame where pandas is installed, else a list of dicts.
+    """
+    folder = prior.folder if isinstance(prior, Result) else prior
+    asked = ["judge", *open_set(demonstrations).words(), "--prior", folder]
+    with tempfile.TemporaryDirectory() as scratch:
+        out = {} if "out" in options else {"out": Path(scratch) / "judged"}
+        answer = command.ask_json([*asked, *command.options(**out, **options)], bar=progress)
+    said = answer["judges"]
+    deciding = [one for one in said if one["judge"] == answer["decides"]] or said
+    return _table([{"goal": one["goal"], **row} if one["goal"] else row for one in deciding for row in one["standings"]])
+
+
+def export(result: Result | str | os.PathLike[str], form: str, out: str | os.PathLike[str] | None = None, **options: Any) -> Any:
+    """Hands on what a run kept: `form` is ``"lerobot"``, ``"minari"``, ``"robomimic-filter-key"``, ``"onnx"``, ``"csv"`` and so on.
+
+    Returns the path that was written, or the text where `out` is none.
+    """
+    folder = result.folder if isinstance(result, Result) else result
+    text = command.ask(["export", folder, "--as", form, *command.options(out=out, **options)])
+    return text if out is None else Path(out)
+
+
+def _job(
+    *, env: str | Callable[[], Any] | None, python: str | os.PathLike[str] | None, **options: Any
+) -> list[str]:
+    """The environment or task as options."""
+    if env is None:
+        return command.options(**options)
+    python = python or sys.executable
+    return command.options(env=named(env, "env"), python=python, **options)
+
+
+def _table(rows: list[dict[str, Any]]) -> Any:
+    try:
+        import pandas
+    except ImportError:
+        return rows
+    return pandas.DataFrame(rows)

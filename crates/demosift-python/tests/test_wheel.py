@@ -1,0 +1,220 @@
+"""What the wheel promises, tried in an environment of Python that holds nothing else; `cargo xtask wheel` runs this.
+
+Packages that are not there leave out the tests that need them.
+"""
+
+import contextlib
+import importlib.util
+import io
+import json
+import os
+import pathlib
+import signal
+import stat
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+
+import demosift
+import numpy
+
+CHECKOUT = pathlib.Path(__file__).resolve().parents[3]
+ENVIRONMENTS = CHECKOUT / "crates/demosift-gymnasium/tests/environments/point.py"
+#: So few updates and episodes that a run takes a moment.
+TINY = {
+    "cloning_judge.judging.iterations": 3,
+    "cloning_judge.judging.averaged": 1,
+    "cloning_judge.judging.evaluations": 2,
+    "cloning_judge.judging.repeats": 2,
+    "cloning_judge.judging.most_repeats": 2,
+    "cloning_judge.cloning.steps": 30,
+    "imitate.cloning_updates": 3,
+    "imitate.evaluations": 2,
+}
+FAST = {"preset": "quick", "judge": "cloning", "referee": "cloning=1", "values": TINY, "threads": 2}
+
+
+def has(*modules):
+    return all(importlib.util.find_spec(module) is not None for module in modules)
+
+
+def drives(directions):
+    """Drives of the point mass: each pushes with all its might in a direction, in degrees from the goal in the east."""
+    pairs = []
+    for number, direction in enumerate(directions):
+        angle = numpy.radians(direction)
+        action = numpy.array([numpy.cos(angle), numpy.sin(angle)], dtype=numpy.float32)
+        position, velocity = 0.05 * numpy.array([number % 3 - 1, number % 2]), numpy.zeros(2)
+        observations, actions = [], []
+        for _ in range(30):
+            observations.append(numpy.concatenate([position, velocity]))
+            actions.append(action)
+            velocity = velocity + (2.0 * action - velocity) * 0.1
+            position = position + velocity * 0.1
+        pairs.append((numpy.array(observations), numpy.array(actions)))
+    return pairs
+
+
+class InScratch(unittest.TestCase):
+    """In an empty folder."""
+
+    def setUp(self):
+        scratch = tempfile.TemporaryDirectory()
+        self.addCleanup(scratch.cleanup)
+        self.addCleanup(os.chdir, os.getcwd())
+        os.chdir(scratch.name)
+
+
+class TheCommand(InScratch):
+    def test_the_program_is_installed(self):
+        program = pathlib.Path(sys.executable).with_name("demosift")
+        said = subprocess.run([program, "--version"], capture_output=True, text=True, check=True).stdout
+        self.assertIn(f"demosift {demosift.__version__} (MuJoCo 3.", said)
+        module = subprocess.run([sys.executable, "-m", "demosift", "tasks"], capture_output=True, text=True, check=True)
+        self.assertIn("half_cheetah", module.stdout)
+        wrong = subprocess.run([program, "sift"], capture_output=True, text=True)
+        self.assertEqual(wrong.returncode, 2)
+
+    def test_a_task_of_demosift_needs_no_simulator_of_yours(self):
+        result = demosift.sift(drives([0, 10, 170]), task="point_mass", out="run", progress=False, **FAST)
+        best = result.ranking["demonstration"][0] if has("pandas") else result.ranking[0]["demonstration"]
+        self.assertIn(best, [0, 1])
+        self.assertLess(set(result.kept), {0, 1, 2})
+        self.assertEqual(result.policy(numpy.zeros(4)).shape, (2,))
+        self.assertEqual(result.policy(numpy.zeros((5, 4))).shape, (5, 2))
+        self.assertIn("srcdoc", result.report()._repr_html_())
+        self.assertEqual(demosift.load("run").kept, result.kept)
+        with self.assertRaisesRegex(demosift.Mistake, "the run folder|already|exists"):
+            demosift.sift(drives([0, 10, 170]), task="point_mass", out="run", progress=False, **FAST)
+        out = demosift.export(result, "minari", out="kept")
+        self.assertEqual(len(demosift.open(out)), len(result.kept))
+        self.assertIn("demonstration", demosift.export(result, "csv"))
+
+    def test_one_demonstration_is_judged_afterwards(self):
+        few = {"meta_train.rounds": 2, "judge.iterations": 1, "judge.averaged": 1, "judge.evaluations": 2, "judge.repeats": 1}
+        asked = {**FAST, "judge": "paper", "referee": "none", "values": {**TINY, **few, "inner.batch_steps": 120}}
+        result = demosift.sift(drives([0, 10, 170]), task="point_mass", out="run", progress=False, **asked)
+        standing = demosift.judge(drives([5]), prior=result, progress=False)
+        self.assertEqual(len(standing), 1)
+        with self.assertRaisesRegex(demosift.Mistake, "the run has no policy"):
+            result.policy
+
+    def test_mistakes_are_exceptions_with_the_same_words(self):
+        with self.assertRaisesRegex(demosift.Mistake, "no task is given") as caught:
+            demosift.sift(drives([0, 10]), progress=False)
+        self.assertIn("--env", caught.exception.hint)
+        self.assertIsInstance(caught.exception, ValueError)
+        with self.assertRaises(demosift.Mistake):
+            len(demosift.open("nowhere.hdf5"))
+        with self.assertRaisesRegex(demosift.Mistake, "demonstration 0 has 30 observations and 31 actions"):
+            demosift.Set.from_arrays([(numpy.zeros((30, 4)), numpy.zeros((31, 2)))])
+
+    def test_ctrl_c_stops_the_run_and_it_goes_on(self):
+        asked = {**FAST, "values": {**TINY, "cloning_judge.judging.iterations": 100000}}
+        # Whoever starts a program in the background lets it ignore Ctrl-C.
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)
+        self.addCleanup(signal.signal, signal.SIGINT, before)
+        timer = threading.Timer(4.0, os.kill, (os.getpid(), signal.SIGINT))
+        timer.start()
+        begun = time.monotonic()
+        with self.assertRaises(KeyboardInterrupt):
+            demosift.sift(drives([0, 10, 170]), task="point_mass", out="run", progress=False, **asked)
+        self.assertLess(time.monotonic() - begun, 60)
+        self.assertTrue(pathlib.Path("run/run.json").is_file())
+
+
+class Sets(InScratch):
+    def test_arrays_become_a_set_and_come_back(self):
+        pairs = drives([0, 90])
+        demonstrations = demosift.Set.from_arrays(pairs)
+        self.assertEqual(demosift.Set.from_arrays(pairs), demonstrations, "the same arrays are the same file")
+        self.assertEqual(len(demonstrations), 2)
+        for (observations, actions), episode in zip(pairs, demonstrations):
+            numpy.testing.assert_array_equal(episode.observations, observations.astype(numpy.float32))
+            numpy.testing.assert_array_equal(episode.actions, actions)
+        # The last observation, on which nothing was done, may be there.
+        longer = [(numpy.vstack([observations, observations[-1:]]), actions) for observations, actions in pairs]
+        self.assertEqual(demosift.Set.from_arrays(longer), demonstrations)
+
+    def test_files_of_other_tools_are_arrays(self):
+        file = CHECKOUT / "crates/demosift/tests/formats/robomimic.hdf5"
+        demonstrations = demosift.open(file, columns=["obs/wrist"])
+        self.assertEqual([len(episode) for episode in demonstrations], [4, 3, 5])
+        some = demosift.open(file, columns=["obs/wrist"], episodes="1-2")
+        self.assertEqual([len(episode) for episode in some], [3, 5])
+        self.assertEqual(demonstrations.inspect()["inspection"]["format"], "robomimic")
+
+
+@unittest.skipUnless(has("gymnasium"), "gymnasium is not installed")
+class Environments(InScratch):
+    def setUp(self):
+        super().setUp()
+        sys.path.insert(0, str(ENVIRONMENTS.parent))
+        self.addCleanup(sys.path.remove, str(ENVIRONMENTS.parent))
+
+    def test_whole_episodes_play_the_same_bits_as_single_steps(self):
+        import point
+
+        # An interpreter that cannot import demosift: there each step goes over the pipe.
+        pathlib.Path("blocked/demosift").mkdir(parents=True)
+        pathlib.Path("blocked/demosift/__init__.py").write_text("raise ImportError('blocked')")
+        stepped = pathlib.Path("stepped")
+        stepped.write_text(f"#!/bin/sh\nPYTHONPATH={os.getcwd()}/blocked exec {sys.executable} \"$@\"\n")
+        stepped.chmod(stepped.stat().st_mode | stat.S_IXUSR)
+        wanted = {"env": point.Point, "horizon": 30, "heuristic": "negated last distance", "progress": False, **FAST}
+        whole = demosift.sift(drives([0, 10, 170]), out="whole", **wanted)
+        single = demosift.sift(drives([0, 10, 170]), out="single", python=stepped.absolute(), **wanted)
+        scores = [json.loads((run.folder / "scores_cloning.json").read_text()) for run in (whole, single)]
+        self.assertEqual(scores[0], scores[1])
+        self.assertEqual(whole.kept, single.kept)
+        # In the environment's own unit, which is from -2 to 2.
+        plain = demosift.Policy(whole.folder / "policy_best.safetensors")
+        seen = numpy.ones((3, 4), dtype=numpy.float32)
+        numpy.testing.assert_allclose(whole.policy(seen), 2.0 * plain(seen), rtol=1e-6)
+        with self.assertRaisesRegex(demosift.Mistake, "has 3 numbers, and the policy takes 4"):
+            plain(numpy.zeros(3))
+
+    def test_what_goes_wrong_in_whole_episodes_is_one_sentence(self):
+        import point
+
+        asked = {"horizon": 30, "progress": False, **FAST}
+        with self.assertRaisesRegex(demosift.Failed, r"RuntimeError: the arm is gone \(point.py, line "):
+            demosift.sift(drives([0, 10]), env=point.raises_late, out="raises", **asked)
+        with self.assertRaisesRegex(demosift.Failed, "did not finish a step of an episode within 5 s"):
+            demosift.sift(drives([0, 10]), env=point.hangs, out="hangs", time_limit=5, **asked)
+
+    def test_an_episode_that_takes_longer_than_the_limit_of_a_step_is_none_that_hangs(self):
+        import point
+
+        quick = demosift.sift(drives([0, 10]), env=point.Still, horizon=30, out="run", progress=False, **FAST)
+        path = quick.folder / "policy_best.safetensors"
+        lines = ["import time", "import point", "def make():", "    return point.Point(lambda env: time.sleep(0.2))"]
+        pathlib.Path("slow.py").write_text("\n".join(lines))
+        os.environ["PYTHONPATH"] = str(ENVIRONMENTS.parent)
+        self.addCleanup(os.environ.pop, "PYTHONPATH")
+        asked = ["play", "--policy", path, "--env", "slow.py:make", "--horizon", "50", "--time-limit", "8", "--episodes", "1"]
+        played = demosift.command.ask_json([*asked, "--python", sys.executable])
+        self.assertEqual(played["episodes"][0]["steps"], 50)
+
+    @unittest.skipUnless(has("cloudpickle"), "cloudpickle is not installed")
+    def test_a_function_without_a_name_travels(self):
+        import point
+
+        shift = 2.0
+        found = demosift.check(drives([0, 10]), env=lambda: point.limited() if shift else None)
+        self.assertTrue(any("repeats" in json.dumps(finding) for finding in found["findings"]), found)
+
+    def test_a_line_of_progress_is_no_note(self):
+        import point
+
+        told = io.StringIO()
+        with contextlib.redirect_stderr(told):
+            demosift.sift(drives([0, 10]), env=point.limited, out="run", **FAST)
+        self.assertNotIn("progress: ", told.getvalue())
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
