@@ -3,6 +3,7 @@
 Packages that are not there leave out the tests that need them.
 """
 
+import concurrent.futures
 import contextlib
 import importlib.util
 import io
@@ -124,6 +125,47 @@ class TheCommand(InScratch):
             demosift.sift(drives([0, 10, 170]), task="point_mass", out="run", progress=False, **asked)
         self.assertLess(time.monotonic() - begun, 60)
         self.assertTrue(pathlib.Path("run/run.json").is_file())
+
+
+class InParts(InScratch):
+    """What several find together is what one process finds, to the bit."""
+
+    def shared(self, map, out="shared"):
+        asked = {**FAST, "referee": "cloning=3", "threads": 1}
+        alone = demosift.sift(drives([0, 10, 170, 90]), task="point_mass", out="undivided", progress=False, **asked)
+        shared = demosift.sift(
+            drives([0, 10, 170, 90]), task="point_mass", out=out, progress=False, map=map, parts=2, **asked
+        )
+        self.assertTrue(list(pathlib.Path(out, "parts").glob("*/learning_curve_referee_*")))
+        for name in ["scores_cloning.json", "verdict.json", "policy_best.safetensors"]:
+            self.assertEqual(pathlib.Path(out, name).read_bytes(), (alone.folder / name).read_bytes(), name)
+        self.assertEqual(shared.kept, alone.kept)
+
+    def test_a_pool_of_processes(self):
+        with concurrent.futures.ProcessPoolExecutor(2) as pool:
+            self.shared(pool.map)
+
+    @unittest.skipUnless(has("ray"), "Ray is not installed")
+    def test_ray(self):
+        import ray
+        from demosift import engines
+
+        ray.init(num_cpus=2, include_dashboard=False, configure_logging=False)
+        self.addCleanup(ray.shutdown)
+        self.shared(engines.ray(num_cpus=1))
+
+    @unittest.skipUnless(has("submitit"), "submitit is not installed")
+    def test_submitit(self):
+        import submitit
+        from demosift import engines
+
+        executor = submitit.AutoExecutor(folder="jobs", cluster="local")
+        executor.update_parameters(timeout_min=5)
+        self.shared(engines.submitit(executor))
+
+    def test_what_goes_together_is_told(self):
+        with self.assertRaisesRegex(demosift.Mistake, "map, parts and out go together"):
+            demosift.sift(drives([0, 10]), task="point_mass", map=map, parts=2)
 
 
 class Sets(InScratch):

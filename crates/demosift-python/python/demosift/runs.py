@@ -14,7 +14,9 @@ from typing import Any
 
 from . import command
 from .callables import named
+from .engines import Map
 from .errors import Mistake
+from .parts import in_parts
 from .policies import Policy
 from .sets import open as open_set
 
@@ -129,6 +131,8 @@ def sift(
     values: Mapping[str, Any] | None = None,
     python: str | os.PathLike[str] | None = None,
     progress: bool = True,
+    map: Map | None = None,
+    parts: int | None = None,
     **options: Any,
 ) -> Result:
     """Ranks demonstrations, keeps the best, and trains policies to show whether that was worth it.
@@ -144,6 +148,9 @@ def sift(
     ``seed=1``, ``threads=2``, ``variant="left"``, ``time_limit=120``.
 
     Ctrl-C stops it, and ``resume=True`` goes on.
+
+    `map` shares the work out in `parts`, such as the `map` of a pool of processes or those of `demosift.engines`; the folder
+    `out` must be seen by all who take part.
     """
     job = _job(env=env, task=task, python=python, heuristic=heuristic, workers=workers, horizon=horizon)
     values = dict(values or {})
@@ -155,8 +162,14 @@ def sift(
         if options.get("referee") is None:
             words += _IMITATION[imitation]["values"]
     sets = [word for value in words for word in ("--set", value)]
-    asked = ["sift", *open_set(demonstrations).words(), *job, *sets]
-    answer = command.ask_json([*asked, *command.options(out=out, resume=resume, **options)], bar=progress)
+    asked = [*open_set(demonstrations).words(), *job, *sets]
+    if map is not None or parts is not None:
+        if map is None or parts is None or out is None:
+            raise Mistake("map, parts and out go together: who calls, how many parts there are, and the folder they share")
+        out = Path(out).absolute()
+        in_parts([*asked, *command.options(out=out, **options)], options, parts, map)
+        resume = True
+    answer = command.ask_json(["sift", *asked, *command.options(out=out, resume=resume, **options)], bar=progress)
     return Result(answer["run_folder"])
 
 
