@@ -1,6 +1,7 @@
 //! The command line as it is typed; [`crate::job`] resolves it.
 
 pub(crate) mod examples;
+mod part;
 mod play;
 mod reproduce;
 mod study;
@@ -10,7 +11,6 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
-use demosift::basics::part::Part;
 use demosift::data::demonstration::episode::Format;
 use demosift::data::demonstration::numbers::Numbers;
 use demosift::run::preset::Preset;
@@ -20,6 +20,7 @@ use demosift::stages::select::Keep;
 
 use crate::console::interruption::GoesOn;
 
+pub(crate) use part::{PartArgument, RefereeArguments};
 pub(crate) use play::{PictureArguments, PlayArguments};
 pub(crate) use reproduce::ReproduceArguments;
 pub(crate) use study::StudyArguments;
@@ -154,24 +155,6 @@ pub(crate) struct JobArguments {
     pub(crate) run: RunArguments,
     #[command(flatten)]
     pub(crate) source: SetArguments,
-}
-
-/// Which part of a run's work is done, on one of several machines that share its folder.
-#[derive(Clone, Copy, Debug, Args)]
-pub(crate) struct PartArgument {
-    /// Do every N-th piece of the work only, from the I-th on: machines that share the run folder take one part each, and the
-    /// same command with --resume and without --part collects what they made (docs/cluster.md)
-    #[arg(long, value_name = "I/N")]
-    pub(crate) part: Option<Part>,
-}
-
-/// What `demosift referee` takes.
-#[derive(Debug, Args)]
-pub(crate) struct RefereeArguments {
-    #[command(flatten)]
-    pub(crate) job: JobArguments,
-    #[command(flatten)]
-    pub(crate) part: PartArgument,
 }
 
 /// What `demosift judge` takes.
