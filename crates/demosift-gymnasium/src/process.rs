@@ -16,14 +16,14 @@ use demosift::{Error, Result};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, Signal, kill_process_group};
 
-use crate::session::BEAT;
-
 /// What the interpreter runs.
 const WORKER: &str = include_str!("../python/demosift/worker.py");
 /// Lines that are remembered of what a process wrote to standard error.
 const LAST_LINES: usize = 5;
 /// Letters of a line that are remembered.
 const LONGEST_LINE: usize = 300;
+/// The letter of a frame that is no answer yet: the worker still plays, and each step may take as long as the time limit says.
+const BEAT: u8 = b'H';
 /// Letter and length of a frame.
 const HEAD: usize = 5;
 /// A frame that claims to be longer is none.

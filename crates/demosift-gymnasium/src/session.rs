@@ -24,8 +24,6 @@ const TURN: u8 = b'T';
 const PROBLEM: u8 = b'E';
 const PLAY: u8 = b'P';
 const PLAYED: u8 = b'W';
-/// The worker still plays: each step may take as long as the time limit says.
-pub(crate) const BEAT: u8 = b'H';
 
 /// What an environment says of itself when it is opened.
 #[derive(Clone, Debug, PartialEq, Deserialize)]

@@ -28,6 +28,8 @@ LETTERS = {"open": b"O", "measure": b"M", "reset": b"R", "step": b"S", "play": b
 TERMINATED, TRUNCATED = 1, 2
 PR_SET_PDEATHSIG = 1
 DEEPEST = 8
+#: Flags and reward stand before the observation of a turn.
+TURN_HEAD = struct.Struct("<Bd")
 
 
 class Refused(Exception):
@@ -147,10 +149,11 @@ def flattener(name, space, way):
                 f"the part '{name}' of an observation is an image of shape {space.shape}, and policies of demosift read numbers",
                 "leave images out of the observation, such as by gymnasium.wrappers.FilterObservation",
             )
-        numbers = lambda value: numpy.asarray(value, dtype=numpy.float32).ravel()
+        single = numpy.dtype("<f4")
+        numbers = lambda value: numpy.asarray(value, dtype=single).ravel()
         return numbers, int(numpy.prod(space.shape, dtype=int))
     if isinstance(space, (spaces.Discrete, spaces.MultiDiscrete, spaces.MultiBinary)):
-        numbers = lambda value: numpy.asarray(spaces.flatten(space, value), dtype=numpy.float32)
+        numbers = lambda value: numpy.asarray(spaces.flatten(space, value), dtype="<f4")
         return numbers, spaces.flatdim(space)
     raise Refused(
         f"the part '{name}' of an observation is a {type(space).__name__}, which has no fixed numbers",
@@ -271,6 +274,7 @@ class Player:
             numbers, width = flattener(name, space, way)
             self.parts.append((name, way, numbers, width))
         self.shape, self.dtype = env.action_space.shape, env.action_space.dtype
+        self.doubles = numpy.dtype("<f8")
         self.always, self.measured, self.steps = set(), [], 0
         self.width = sum(width for _, _, _, width in self.parts)
 
@@ -285,7 +289,7 @@ class Player:
         return self.turn(observation, 0.0, False, False, None)
 
     def step(self, action):
-        action = self.numpy.frombuffer(action, dtype="<f8").astype(self.dtype).reshape(self.shape)
+        action = self.numpy.frombuffer(action, self.doubles).astype(self.dtype).reshape(self.shape)
         observation, reward, terminated, truncated, info = self.env.step(action)
         self.steps += 1
         return self.turn(observation, float(reward), bool(terminated), bool(truncated), info)
@@ -293,9 +297,11 @@ class Player:
     def turn(self, observation, reward, terminated, truncated, info):
         """u8 with bits 1 terminated and 2 truncated, reward f64, observation f32 each, measured numbers f64 each."""
         flags = (TERMINATED if terminated else 0) | (TRUNCATED if truncated else 0)
-        numbers = self.flat(observation).astype("<f4", copy=False).tobytes()
-        measured = [self.measure(info, name) for name in self.measured]
-        return struct.pack("<Bd", flags, reward) + numbers + struct.pack(f"<{len(measured)}d", *measured)
+        told = TURN_HEAD.pack(flags, reward) + self.flat(observation).tobytes()
+        if self.measured:
+            measured = [self.measure(info, name) for name in self.measured]
+            told += struct.pack(f"<{len(measured)}d", *measured)
+        return told
 
     def measure(self, info, name):
         """A number of info; 0 after the reset. One that was there after the first step of all has to be there always."""
