@@ -16,15 +16,7 @@ fn read(scratch: &Scratch, path: &str) -> Source {
 /// The command fails with one error that says all of `wanted`, and says nothing else.
 #[track_caller]
 fn refuses(scratch: &Scratch, arguments: &str, wanted: &[&str]) {
-    let output = scratch.run(arguments);
-    let complaint = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{arguments}: {complaint}");
-    let mut lines = complaint.lines().skip_while(|line| line.starts_with("note: "));
-    let is_error = lines.next().is_some_and(|line| line.starts_with("error: "));
-    assert!(output.stdout.is_empty() && is_error, "{complaint}");
-    for part in wanted {
-        assert!(complaint.contains(part), "{complaint} does not say '{part}'");
-    }
+    scratch.refuse(arguments, wanted);
 }
 
 /// The set of the scratch folder as robomimic would store it, its observation split over two columns.

@@ -119,18 +119,8 @@ fn read(scratch: &Scratch, path: &str) -> String {
 
 /// The file of results without what a clock said.
 fn results(scratch: &Scratch, path: &str) -> Value {
-    fn without_seconds(value: &mut Value) {
-        match value {
-            Value::Object(fields) => {
-                fields.remove("seconds");
-                fields.values_mut().for_each(without_seconds);
-            }
-            Value::Array(values) => values.iter_mut().for_each(without_seconds),
-            _ => {}
-        }
-    }
     let mut found: Value = serde_json::from_str(&read(scratch, path)).unwrap();
-    without_seconds(&mut found);
+    crate::support::without_seconds(&mut found);
     found
 }
 
@@ -273,13 +263,7 @@ fn a_dry_run_counts_and_a_preset_changes_what_it_says() {
 /// The command fails with one error that says all of `wanted`, and makes no folder.
 #[track_caller]
 fn refuses(scratch: &Scratch, arguments: &str, wanted: &[&str]) {
-    let output = scratch.run(arguments);
-    let complaint = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{arguments}: {complaint}");
-    assert!(output.stdout.is_empty(), "{arguments}");
-    for part in wanted {
-        assert!(complaint.contains(part), "{complaint} does not say '{part}'");
-    }
+    scratch.refuse(arguments, wanted);
     assert!(!scratch.0.join("runs").exists(), "a folder was made");
 }
 

@@ -73,19 +73,8 @@ fn write_study(scratch: &Scratch, add: &str) {
 fn results(scratch: &Scratch, out: &str) -> Value {
     let mut found: Value =
         serde_json::from_slice(&fs::read(scratch.0.join(out).join("study.json")).unwrap()).unwrap();
-    without_seconds(&mut found);
+    crate::support::without_seconds(&mut found);
     found
-}
-
-fn without_seconds(value: &mut Value) {
-    match value {
-        Value::Object(fields) => {
-            fields.remove("seconds");
-            fields.values_mut().for_each(without_seconds);
-        }
-        Value::Array(values) => values.iter_mut().for_each(without_seconds),
-        _ => {}
-    }
 }
 
 fn cells(scratch: &Scratch, out: &str) -> Vec<String> {
@@ -295,14 +284,7 @@ fn a_public_set_is_left_out_in_words_or_must_be_the_right_one() {
 /// The command fails with one error that says all of `wanted`, and makes no folder.
 #[track_caller]
 fn refuses(scratch: &Scratch, arguments: &str, wanted: &[&str]) {
-    let output = scratch.run(arguments);
-    let complaint = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{arguments}: {complaint}");
-    assert!(output.stdout.is_empty(), "{arguments}");
-    assert_eq!(complaint.lines().filter(|line| line.starts_with("error: ")).count(), 1, "{complaint}");
-    for part in wanted {
-        assert!(complaint.contains(part), "{complaint} does not say '{part}'");
-    }
+    scratch.refuse(arguments, wanted);
     assert!(!scratch.0.join("runs").exists(), "a folder was made");
 }
 

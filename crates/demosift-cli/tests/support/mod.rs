@@ -101,6 +101,23 @@ impl Scratch {
         shown
     }
 
+    /// What a command complains of that must fail by a mistake of the user's, in one error that has all of these parts.
+    #[track_caller]
+    pub(crate) fn refuse(&self, arguments: &str, wanted: &[&str]) -> String {
+        let output = self.run(arguments);
+        let complaint = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments}: {complaint}");
+        assert!(output.stdout.is_empty(), "{arguments}");
+        let is_error = |line: &&str| line.starts_with("error: ");
+        let first = complaint.lines().find(|line| !line.starts_with("note: "));
+        assert!(first.as_ref().is_some_and(is_error), "{complaint}");
+        assert_eq!(complaint.lines().filter(is_error).count(), 1, "{complaint}");
+        for part in wanted {
+            assert!(complaint.contains(part), "{complaint} does not say '{part}'");
+        }
+        complaint
+    }
+
     /// All files of a folder by name, but those in folders of its own.
     pub(crate) fn files(&self, folder: &str) -> BTreeMap<String, Vec<u8>> {
         std::fs::read_dir(self.0.join(folder))
@@ -124,6 +141,18 @@ pub(crate) fn rewritten(file: &Path, change: impl FnOnce(&mut serde_json::Value)
     let mut value = serde_json::from_slice(&bytes).unwrap();
     change(&mut value);
     std::fs::write(file, seal::to_json(&value)).unwrap();
+}
+
+/// Takes out of results what a clock said.
+pub(crate) fn without_seconds(value: &mut serde_json::Value) {
+    match value {
+        serde_json::Value::Object(fields) => {
+            fields.remove("seconds");
+            fields.values_mut().for_each(without_seconds);
+        }
+        serde_json::Value::Array(values) => values.iter_mut().for_each(without_seconds),
+        _ => {}
+    }
 }
 
 /// A file of the repository.
