@@ -5,7 +5,7 @@ use demosift::Result;
 use demosift::basics::ledger::Ledger;
 use demosift::basics::seal;
 use demosift::data::likeness::TrainedOn;
-use demosift::learning::adapt::{Learner, MetaPrior};
+use demosift::learning::adapt::MetaPrior;
 use demosift::results::artifact::{self, Artifact as _};
 use demosift::results::data_only::DataOnly;
 use demosift::results::metrics as rows;
@@ -49,7 +49,7 @@ pub(crate) fn tensors(bytes: &[u8]) {
     for bytes in [bytes.to_vec(), sealed(bytes)] {
         let beside = |json| Same { json, others: &bytes };
         let _ = artifact::read_policy(&bytes, "policy");
-        let _ = (Learner::recall(&beside(&[]), ""), MetaPrior::recall(&beside(&[]), ""));
+        let _ = MetaPrior::recall(&beside(&[]), "");
         let _ = Judged::recall(&beside(&scores), "paper");
         let _ = LearningCurve::recall(&beside(&curve), "all");
     }

@@ -320,6 +320,8 @@ fn what_a_set_of_lerobot_says_of_itself_is_handed_on() {
     let rest: Vec<String> = (0..4).filter(|id| !kept.contains(id)).map(|id| id.to_string()).collect();
     for part in [
         format!("--dataset.episodes=\"[{}]\"", kept[0]),
+        "--policy.push_to_hub=false (act and diffusion want a camera".to_owned(),
+        "--new_repo_id SET_kept ".to_owned(),
         format!("delete_episodes --operation.episode_indices \"[{}]\"", rest.join(",")),
     ] {
         assert!(said.contains(&part), "{said} does not say '{part}'");

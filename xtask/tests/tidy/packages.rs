@@ -369,7 +369,7 @@ fn real_rules() -> Allowed {
 }
 
 fn all_sources() -> Vec<Source> {
-    [rust_files("crates"), rust_files("fuzz"), rust_files("xtask")].into_iter().flatten().collect()
+    ["crates", "fuzz", "xtask"].map(rust_files).into_iter().flatten().collect()
 }
 
 fn planted(name: &str, license: Option<&str>) -> Package {

@@ -82,11 +82,9 @@ fn write_lerobot(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
         demonstrations::hand_on(said, &out)
     })?;
     written(kept, &out)?;
-    terminal::note(&format!(
-        "train on it: lerobot-train --dataset.repo_id=local/{} --dataset.root={} --policy.type=act",
-        out.file_name().unwrap_or_default().to_string_lossy(),
-        out.display()
-    ));
+    let name = out.file_name().unwrap_or_default().to_string_lossy();
+    let options = format!("--dataset.repo_id=local/{name} --dataset.root={}", out.display());
+    terminal::note(&format!("train on it: {}", training(&options, !described.videos.cameras.is_empty())));
     Ok(())
 }
 
@@ -205,6 +203,18 @@ fn check_known(ids: &[DemoId], set: &DemonstrationSet, run: &Path) -> Result<()>
     }
 }
 
+/// The command of LeRobot 0.4 that trains; it wants to be told that nothing is uploaded.
+fn training(options: &str, has_camera: bool) -> String {
+    let command = format!("lerobot-train {options} --policy.type=act --policy.push_to_hub=false");
+    match has_camera {
+        true => command,
+        false => format!(
+            "{command} (act and diffusion want a camera or observation.environment_state, and no camera is in this set; \
+             another type may do without)"
+        ),
+    }
+}
+
 /// What the file calls the kept demonstrations, in its order.
 fn labels(kept: &Kept) -> Vec<String> {
     kept.ids.iter().map(|&id| label(kept, id)).collect()
@@ -216,10 +226,9 @@ fn write_episode_list(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     say(&format!("{list}\n"), arguments)?;
     let Demonstrations { source, path, .. } = &kept.demonstrations;
     let root = path.display();
-    terminal::note(&format!(
-        "train on these: lerobot-train --dataset.repo_id=YOUR/SET --dataset.root={root} --dataset.episodes=\"{list}\" \
-         --policy.type=act"
-    ));
+    let options = format!("--dataset.repo_id=YOUR/SET --dataset.root={root} --dataset.episodes=\"{list}\"");
+    let has_camera = !lerobot::description(path, source)?.videos.cameras.is_empty();
+    terminal::note(&format!("train on these: {}", training(&options, has_camera)));
     let is_kept = |label: &str| labels(kept).iter().any(|kept| kept == label);
     let of_set = source.episodes.iter().map(|episode| &episode.label);
     let mut rest: Vec<&str> = of_set
@@ -230,8 +239,9 @@ fn write_episode_list(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     rest.sort_by_key(|label| label.parse::<u64>().unwrap_or(u64::MAX));
     if !rest.is_empty() {
         terminal::note(&format!(
-            "delete the rest, in a new set: lerobot-edit-dataset --repo_id YOUR/SET --root {root} --new_repo_id YOUR/SET_kept \
-             --operation.type delete_episodes --operation.episode_indices \"[{}]\"",
+            "delete the rest, in a new set within the folder of this one: lerobot-edit-dataset --repo_id YOUR/SET --root {root} \
+             --new_repo_id SET_kept --operation.type delete_episodes --operation.episode_indices \"[{}]\"; it lies in \
+             {root}/SET_kept then",
             rest.join(",")
         ));
     }
