@@ -330,8 +330,9 @@ impl Worker for GymnasiumWorker {
 
 /// An episode, if every number of it is finite.
 fn rollout(parts: Parts, names: &[String]) -> Result<Rollout> {
-    let mut rows = parts.measurements.iter().enumerate();
-    rows.try_for_each(|(step, row)| check_finite(row, names, step))?;
+    for (step, row) in parts.measurements.iter().enumerate() {
+        check_finite(row, names, step)?;
+    }
     Ok(Rollout { trajectory: Trajectory::new(parts)?, states: None })
 }
 
