@@ -38,7 +38,7 @@ pub(crate) fn demo(root: &Path) -> Result<(), Failure> {
 pub(crate) fn schema(root: &Path) -> Result<(), Failure> {
     cargo_with(
         root,
-        &["test", "--package", "demosift-cli", "--bins", "schema_tests"],
+        &["test", "--package", "demosift-cli", "--lib", "schema_tests"],
         &[("DEMOSIFT_WRITE_SCHEMAS", "1")],
     )
 }

@@ -12,7 +12,7 @@ use std::process::Command;
 use std::sync::OnceLock;
 
 /// In which order they are published.
-const PUBLISHED: [&str; 3] = ["demosift", "demosift-mujoco", "demosift-cli"];
+const PUBLISHED: [&str; 4] = ["demosift", "demosift-mujoco", "demosift-gymnasium", "demosift-cli"];
 const RULES_FILE: &str = "deny.toml";
 const LOCK: &str = "Cargo.lock";
 const CRATES_IO: &str = "registry+https://github.com/rust-lang/crates.io-index";
