@@ -36,11 +36,7 @@ pub(crate) fn demo(root: &Path) -> Result<(), Failure> {
 
 /// Writes the schemas of `docs/schema`, which a test compares with the types otherwise.
 pub(crate) fn schema(root: &Path) -> Result<(), Failure> {
-    cargo_with(
-        root,
-        &["test", "--package", "demosift-cli", "--lib", "schema_tests"],
-        &[("DEMOSIFT_WRITE_SCHEMAS", "1")],
-    )
+    cargo_with(root, &["test", "--workspace", "--lib", "schema_tests"], &[("DEMOSIFT_WRITE_SCHEMAS", "1")])
 }
 
 /// The ratios of `docs/results`.

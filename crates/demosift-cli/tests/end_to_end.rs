@@ -202,7 +202,7 @@ fn results_as_json() {
     assert_eq!(value["kept"].as_array().unwrap().len(), 1);
     let doubts = &value["uncertainty"];
     assert_eq!(doubts["demonstrations"].as_array().unwrap().len(), 4);
-    assert_eq!(doubts["demonstrations"][0]["top"].as_array().unwrap().len(), 4);
+    assert_eq!(value["best"]["demonstrations"].as_array().unwrap().len(), 4);
     assert!(value["caveat"].is_null() && doubts["too_narrow"] == false, "two repeats have no caveat");
     let columns = value["data_only"].as_array().unwrap();
     assert!(columns.iter().all(|column| column["scores"].as_array().unwrap().len() == 4));

@@ -14,11 +14,14 @@ use demosift::world::point_mass;
 /// Four demonstrations of the point mass, of which 1 and 3 go to the goal, in the unit of the environment: −2 to 2.
 fn set_in_newtons(scratch: &Scratch) {
     let planted = point_mass::planted_set(&[180.0, 0.0, 90.0, 10.0], Seed::new(3)).unwrap();
-    let doubled = planted.iter().map(|(_, of)| {
+    let enlarged = planted.iter().map(|(_, of)| {
         let actions = of.actions().flat().iter().map(|number| 2.0 * number).collect();
         Demonstration::new(of.observations().clone(), Rows::from_flat(actions, 2).unwrap()).unwrap()
     });
-    write_set(&scratch.0.join("set/demonstrations.hdf5"), &DemonstrationSet::new(doubled.collect()).unwrap());
+    write_set(
+        &scratch.0.join("set/demonstrations.hdf5"),
+        &DemonstrationSet::new(enlarged.collect()).unwrap(),
+    );
 }
 
 /// Arguments that name an environment of the test's file.
@@ -138,13 +141,16 @@ fn task_check_says_what_an_environment_is_and_whether_it_repeats() {
     let findings = loose["findings"].to_string();
     assert!(findings.contains("does not repeat") && findings.contains("warning"), "{findings}");
 
-    // Twice as far as the environment goes.
-    let doubled = point_mass::planted_set(&[0.0, 10.0], Seed::new(3)).unwrap();
-    let doubled = doubled.iter().map(|(_, of)| {
-        let actions = of.actions().flat().iter().map(|number| 8.0 * number).collect();
+    // Far beyond where the environment goes.
+    let enlarged = point_mass::planted_set(&[0.0, 10.0], Seed::new(3)).unwrap();
+    let enlarged = enlarged.iter().map(|(_, of)| {
+        let actions = of.actions().flat().iter().map(|number| 100.0 * number).collect();
         Demonstration::new(of.observations().clone(), Rows::from_flat(actions, 2).unwrap()).unwrap()
     });
-    write_set(&scratch.0.join("set/demonstrations.hdf5"), &DemonstrationSet::new(doubled.collect()).unwrap());
+    write_set(
+        &scratch.0.join("set/demonstrations.hdf5"),
+        &DemonstrationSet::new(enlarged.collect()).unwrap(),
+    );
     let output = scratch.run(&format!("task check {env} --data set"));
     let shown = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.code() == Some(2) && shown.contains("the set is in another unit"), "{shown}");

@@ -41,9 +41,10 @@ fn cloning(seed: u64) -> Config {
     config
 }
 
-/// GAIL, with the exact meta-gradient.
+/// The same by GAIL, whose meta-gradient is of first order.
 fn gail(seed: u64) -> Config {
     let mut config = cloning(seed);
+    config.meta_train.order = Order::First;
     for update in [&mut config.inner, &mut config.imitate.update] {
         (update.imitation, update.batch_steps) = (Rule::Gail, 240);
         update.discriminator.batch = 100;

@@ -32,6 +32,7 @@ pub(crate) fn assert_answer(arguments: &str, answer: &Value) {
     let name = match name.as_str() {
         "study" | "reproduce" if has("dry_run") => "study-dry-run",
         _ if has("dry_run") => "dry-run",
+        _ if has("part") => "part",
         "judge" if has("prior") => "judge-prior",
         "imitate" if has("demonstrations") => "imitate-named",
         "task-check" if has("environment") => "task-check-env",

@@ -65,8 +65,12 @@ const EIO: i32 = 5;
 /// # Errors
 /// `is_bad_input` if it is no plain file, such as a pipe, which would be waited for without end; `is_io` if it cannot be read.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
-    check_is_plain(path)?;
-    fs::read(path).map_err(|source| Error::io("cannot read", path, &source))
+    read_or_say("cannot read", path)
+}
+
+fn read_or_say(action: &str, path: &Path) -> Result<Vec<u8>> {
+    check_or_say(action, path)?;
+    fs::read(path).map_err(|source| Error::io(action, path, &source))
 }
 
 /// The text of a file that somebody wrote, without the mark that some editors put before it; `what` names it in errors.
@@ -74,7 +78,7 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
 /// # Errors
 /// As [`read`], and `is_bad_input` if it is not UTF-8.
 pub fn read_text(path: &Path, what: &str) -> Result<String> {
-    let bytes = read(path)?;
+    let bytes = read_or_say(&format!("cannot read {what}"), path)?;
     let is_wide = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
     let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).map(<[u8]>::to_vec).unwrap_or(bytes);
     String::from_utf8(bytes).map_err(|_| {
@@ -90,7 +94,11 @@ pub fn read_text(path: &Path, what: &str) -> Result<String> {
 /// # Errors
 /// `is_bad_input` if it is one of those; `is_io` if it cannot be looked at.
 pub fn check_is_plain(path: &Path) -> Result<()> {
-    let kind = fs::metadata(path).map_err(|source| Error::io("cannot read", path, &source))?.file_type();
+    check_or_say("cannot read", path)
+}
+
+fn check_or_say(action: &str, path: &Path) -> Result<()> {
+    let kind = fs::metadata(path).map_err(|source| Error::io(action, path, &source))?.file_type();
     match kind.is_file() || kind.is_dir() {
         true => Ok(()),
         false => Err(Error::bad_input("this is a pipe, a device or a socket; wanted a plain file")
