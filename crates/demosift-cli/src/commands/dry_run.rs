@@ -14,8 +14,8 @@ use crate::job::Job;
 use crate::tables;
 
 /// What counting cannot know.
-const EARLY: &str = "Episodes of this task may end early, and the steps are counted as if none did: learning to imitate and \
-                     judging will play fewer, and a policy from scratch as many in more episodes and updates.";
+const EARLY: &str = "Episodes of this task may end early, and the steps are counted as if none did: learning plays about as \
+                     many in more episodes, and evaluations will play fewer.";
 
 /// Shows what a job has still to do until a goal is reached.
 pub(super) fn of_job(job: &mut Job, goal: Goal<'_>, arguments: &RunArguments) -> Result<()> {

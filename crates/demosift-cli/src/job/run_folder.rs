@@ -353,16 +353,6 @@ impl RunFolder {
         }
     }
 
-    /// Where a file may be, this command's own first: a result is the same whoever made it.
-    fn places(&self, name: &str) -> Result<Vec<PathBuf>> {
-        let own = self.written().join(name);
-        if name.starts_with(CHECKPOINT) {
-            return Ok(vec![own]);
-        }
-        let others = self.others()?.into_iter().map(|folder| folder.join(name));
-        Ok([own].into_iter().chain(others).collect())
-    }
-
     /// The other folders of the run: the whole, seen from a part, and those of its parts.
     fn others(&self) -> Result<Vec<PathBuf>> {
         let parts = self.path.join(PARTS);
@@ -447,8 +437,13 @@ impl Ledger for RunFolder {
         if let Some(instead) = self.unwritten.as_ref().and_then(|unwritten| unwritten.get(name)) {
             return Ok(instead.clone());
         }
-        for path in self.places(name)? {
-            if let Some(found) = recalled(&path)? {
+        let own = recalled(&self.written().join(name))?;
+        if own.is_some() || name.starts_with(CHECKPOINT) {
+            return Ok(own);
+        }
+        // A result is the same whoever made it.
+        for folder in self.others()? {
+            if let Some(found) = recalled(&folder.join(name))? {
                 return Ok(Some(found));
             }
         }

@@ -139,8 +139,8 @@ impl Preset {
         }
     }
 
-    /// Ten rounds of steps as wide as the inner ones rank as well as forty of a fifth of that; what two thousand would do is not
-    /// known, so where the paper's number of rounds is taken they stay narrow.
+    /// Ten rounds of steps as wide as the inner ones could not be told from 25 of a fifth of that (docs/results/verdict.md).
+    /// What two thousand would do is not known, so where the paper's number of rounds is taken they stay narrow.
     fn meta_kl(self) -> f64 {
         match self {
             Self::Quick | Self::Standard => 0.15,

@@ -452,7 +452,8 @@ fn assemble(trial: &Trial<'_>, state: &JudgingState) -> Judged {
     judged
 }
 
-/// What judging a set takes at most, where episodes last to the horizon; exact where no repeats are added.
+/// What judging a set takes at most, where episodes last to the horizon; exact where no repeats are added. Where episodes end
+/// early, batches are filled with further ones, so that adapting takes about as many steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Effort {
     /// Adaptations and evaluations of the agent before, over all variants.
