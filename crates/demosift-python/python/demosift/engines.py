@@ -30,7 +30,11 @@ def ray(**options: Any) -> Map:
     import ray as engine
 
     def mapped(function: Callable[[Item], Found], items: Iterable[Item]) -> Iterable[Found]:
-        remote = engine.remote(**options)(function) if options else engine.remote(function)
+        # Ray takes plain functions only.
+        def call(item: Item) -> Found:
+            return function(item)
+
+        remote = engine.remote(**options)(call) if options else engine.remote(call)
         found: list[Found] = engine.get([remote.remote(item) for item in items])
         return found
 
