@@ -325,6 +325,10 @@ fn every_method_judges_on_the_same_budget() {
         assert_eq!(costs["method"], method);
         let (quota, spent) = (costs["quota"].as_u64().unwrap(), costs["spent_of_quota"].as_u64().unwrap());
         assert!(spent <= quota && spent > quota * 3 / 4, "{method}: {spent} of {quota}");
+        // Each of the four demonstrations is paid for, and the prior once.
+        let [once, each] = ["once", "each"].map(|part| costs["account"][part].as_u64().unwrap());
+        assert_eq!(once == 0, method == "from-scratch", "{method}: {once}");
+        assert_eq!((spent - once) / 4, each, "{method}: {once} and {each} of {spent}");
         quotas.push(quota);
     }
     assert!(quotas.iter().all(|quota| *quota == quotas[0]), "{quotas:?}");

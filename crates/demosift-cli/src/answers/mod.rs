@@ -24,7 +24,7 @@ use demosift::run::study::summary::Summary;
 use demosift::run::study::told::Told;
 use demosift::stages::imitate::CurvePoint;
 use demosift::stages::judge::ScoreTable;
-use demosift::stages::method::{Costs, Method};
+use demosift::stages::method::{Account, Costs, Method};
 use demosift::stages::referee::Verdict;
 use demosift::stages::select::{Ranked, Ranking};
 use demosift::stages::subset_selection::Weighing;
@@ -264,6 +264,8 @@ pub(crate) struct Spending {
     quota: u64,
     spent_of_quota: u64,
     environment_steps: BTreeMap<String, u64>,
+    /// What of it is paid once and what for each demonstration, where the judge of the paper judged.
+    account: Option<Account>,
 }
 
 impl Spending {
@@ -274,6 +276,7 @@ impl Spending {
             quota: costs.budget.quota,
             spent_of_quota: costs.of_quota(),
             environment_steps: stages.collect(),
+            account: costs.account(),
         }
     }
 }

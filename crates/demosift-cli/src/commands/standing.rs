@@ -11,7 +11,7 @@ use demosift::results::standing::{self, Earlier};
 use demosift::run::experiment;
 use demosift::run::forecast::Goal;
 use demosift::stages::judge::{Judged, ScoreTable};
-use demosift::stages::method::{Costs, Spent};
+use demosift::stages::method::{Account, Costs, Spent};
 use demosift::stages::select::Subset;
 use demosift::world::environment::EnvVariant;
 
@@ -22,7 +22,7 @@ use crate::console::terminal;
 use crate::job::Job;
 use crate::job::given_prior::GivenPrior;
 use crate::tables::costs;
-use crate::tables::standing::{self as tables, Account, Found};
+use crate::tables::standing::{self as tables, Found};
 
 pub(super) fn run(arguments: &JobArguments, prior: &Path) -> Result<()> {
     let given = GivenPrior::open(prior)?;

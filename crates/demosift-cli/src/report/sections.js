@@ -310,12 +310,13 @@ function columns() {
 }
 
 function costs() {
-  const { stages, quota, of_quota } = report.costs;
+  const { stages, quota, of_quota, account } = report.costs;
   if (!stages.length) return;
   const most = Math.max(...stages.map(([, steps]) => steps));
   into("costs",
     el("h2", {}, "What it cost"),
     el("p", { class: "soft" }, `In environment steps. Every method may spend ${count(quota)} on learning to imitate and judging; ${report.method} spent ${count(of_quota)} of them.`),
+    account ? el("p", { class: "soft" }, `By the judge of the paper ${count(account.once)} are paid once, and ${count(account.each)} for each demonstration.`) : null,
     el("div", { class: "scroll" }, el("table", {}, el("tbody", {}, stages.map(([stage, steps]) => el("tr", {},
       el("td", { class: "left" }, STAGES[stage] ?? (stage.startsWith("imitate_subset_keep_") ? STAGES.imitate_subset : stage)), el("td", {}, count(steps)), el("td", { class: "left", style: "width:55%" }, bar(steps / most, 260))))))));
 }

@@ -2,7 +2,7 @@
 
 use demosift::stages::demonstrator;
 use demosift::stages::meta_train;
-use demosift::stages::method::Costs;
+use demosift::stages::method::{Account, Costs};
 use demosift::stages::pre_train;
 use demosift::stages::referee;
 use demosift::stages::subset_selection;
@@ -23,7 +23,22 @@ pub(crate) fn played(costs: &Costs) -> String {
         ),
         false => String::new(),
     };
-    stages(costs, &of_the_method)
+    stages(costs, &format!("{of_the_method}{}", account(costs)))
+}
+
+/// What a set that grows pays once, and for each further demonstration.
+fn account(costs: &Costs) -> String {
+    match costs.account() {
+        Some(Account { once: 0, each }) => {
+            format!(" By the judge of the paper each demonstration took {each}.")
+        }
+        Some(Account { once, each }) => {
+            format!(
+                " By the judge of the paper {once} are paid once, and each demonstration took {each} on top."
+            )
+        }
+        None => String::new(),
+    }
 }
 
 /// The same of a run that was given its prior, and so has no budget to be held against.

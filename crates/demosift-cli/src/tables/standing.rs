@@ -5,6 +5,7 @@ use demosift::data::likeness::Likeness;
 use demosift::results::panel::Judge;
 use demosift::results::standing::Standing;
 use demosift::stages::judge::ScoreTable;
+use demosift::stages::method::Account;
 
 use super::{Scale, list, percent, table, wrapped};
 
@@ -16,13 +17,6 @@ pub(crate) struct Found {
     pub(crate) standings: Vec<Standing>,
     /// How many the earlier run keeps.
     pub(crate) kept: usize,
-}
-
-/// What is paid once and what for each demonstration, in environment steps.
-#[derive(Clone, Copy)]
-pub(crate) struct Account {
-    pub(crate) once: u64,
-    pub(crate) each: u64,
 }
 
 /// Which of the new demonstrations are unlike those that the prior was trained on.

@@ -22,7 +22,7 @@ use crate::results::gain::Gain;
 use crate::results::panel::{self, Disagreement, Judge, Panel, Vote};
 use crate::stages::imitate::{CurvePoint, LearningCurve};
 use crate::stages::judge::{Judged, ScoreTable, Suitability};
-use crate::stages::method::Costs;
+use crate::stages::method::{Account, Costs};
 use crate::stages::referee::Verdict;
 use crate::stages::select::{self, Keep, Ranking, Subset};
 use crate::stages::subset_selection::{Weighing, WeighingEnd};
@@ -257,6 +257,8 @@ pub struct Spending {
     pub of_quota: u64,
     /// Each finished stage.
     pub stages: Vec<(String, u64)>,
+    /// What of it is paid once and what for each demonstration, where the judge of the paper judged.
+    pub account: Option<Account>,
 }
 
 /// Gathers what the ledger holds.
@@ -440,7 +442,12 @@ fn trends(weighing: Weighing) -> WeightTrends {
 
 fn spending(costs: &Costs) -> Spending {
     let stages = costs.spent.iter().map(|(stage, spent)| (stage.clone(), spent.environment_steps));
-    Spending { quota: costs.budget.quota, of_quota: costs.of_quota(), stages: stages.collect() }
+    Spending {
+        quota: costs.budget.quota,
+        of_quota: costs.of_quota(),
+        stages: stages.collect(),
+        account: costs.account(),
+    }
 }
 
 #[cfg(test)]

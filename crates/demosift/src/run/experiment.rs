@@ -245,7 +245,8 @@ pub fn costs(run: &Run<'_>) -> Result<Costs> {
     let recall = |stage: String| Ok(Spent::recall(run.ledger, &stage)?.map(|spent| (stage, spent)));
     let stages = stages.chain(imitations).chain([referee::STAGE.to_owned()]);
     let spent = stages.filter_map(|stage| recall(stage).transpose());
-    Ok(Costs { method, budget: budget(run), judging, spent: spent.collect::<Result<_>>()? })
+    let spent = spent.collect::<Result<_>>()?;
+    Ok(Costs { method, budget: budget(run), judging, spent, demonstrations: run.set.len() })
 }
 
 /// What scorers of the recorded data alone say of the set; nothing of it enters a ranking.

@@ -232,9 +232,33 @@ pub struct Costs {
     pub judging: String,
     /// Each finished stage by name, in the order of the flow.
     pub spent: Vec<(String, Spent)>,
+    /// Demonstrations of the set.
+    pub demonstrations: usize,
+}
+
+/// What judging by the method costs, in environment steps: a set that grows pays the first once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Account {
+    /// For the prior; nothing where there is none.
+    pub once: u64,
+    /// For each demonstration, the mean.
+    pub each: u64,
 }
 
 impl Costs {
+    /// What was paid once and what for each demonstration, as soon as both are known.
+    pub fn account(&self) -> Option<Account> {
+        let of = |stage: &str| {
+            self.spent.iter().find(|(name, _)| name == stage).map(|(_, spent)| spent.environment_steps)
+        };
+        let once = match self.method.stage() {
+            Some(stage) => of(stage)?,
+            None => 0,
+        };
+        Some(Account { once, each: of(&self.judging)? / self.demonstrations.max(1) as u64 })
+    }
+
     /// Environment steps spent of the quota: those of making the prior and of judging.
     pub fn of_quota(&self) -> u64 {
         let counts = |stage: &str| Some(stage) == self.method.stage() || stage == self.judging;

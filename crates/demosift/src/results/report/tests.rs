@@ -11,7 +11,7 @@ use crate::learning::trpo::{StepEnd, TrustRegion};
 use crate::results::data_only::Column;
 use crate::results::panel::{Found, panel};
 use crate::stages::judge::{self, AdaptedPolicy, Judging, JudgingState, Start, Threads, Trial};
-use crate::stages::method::{Budget, Method, Spent};
+use crate::stages::method::{Account, Budget, Method, Spent};
 use crate::stages::select::Ranked;
 use crate::world::point_mass::{PointMass, planted_set};
 use crate::world::policy::{Policy, PolicyShape};
@@ -95,6 +95,7 @@ fn found(kept: Option<&[usize]>) -> Result<Report> {
                 ("judge_paper".to_owned(), Spent { environment_steps: 30 }),
                 ("imitate_all".to_owned(), Spent { environment_steps: 500 }),
             ],
+            demonstrations: 3,
         },
     })
 }
@@ -152,6 +153,7 @@ fn columns_have_places_and_an_agreement_where_they_tell_anything_apart() {
 fn costs_name_the_stages_and_count_the_quota() {
     let costs = found(None).expect("judged").costs;
     assert_eq!((costs.quota, costs.of_quota, costs.stages.len()), (100, 90, 3));
+    assert_eq!(costs.account, Some(Account { once: 60, each: 10 }));
 }
 
 #[test]
