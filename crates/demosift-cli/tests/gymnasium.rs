@@ -127,7 +127,7 @@ fn task_check_says_what_an_environment_is_and_whether_it_repeats() {
     for words in [
         "2 numbers from -2 to 2",
         "observation    4 numbers: observation 4",
-        "30 steps of 0.1 s",
+        "30 steps; how long a step is, it does not say",
         "distance, is_success",
         "repeats: the same seed and actions make the same episode",
         "recorded actions lie within the bounds",

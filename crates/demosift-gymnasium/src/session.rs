@@ -39,8 +39,10 @@ pub(crate) struct Greeting {
     pub(crate) info: Vec<String>,
     /// Steps after which it stops an episode by itself.
     pub(crate) limit: Option<usize>,
-    /// Simulated seconds of a step.
+    /// Simulated seconds of a step, where it says so.
     pub(crate) step_secs: Option<f64>,
+    /// Seconds of a picture.
+    pub(crate) picture_secs: Option<f64>,
     /// What plays whole episodes there, if demosift can be imported; see [`whole::PLAYER`].
     pub(crate) player: Option<String>,
 }

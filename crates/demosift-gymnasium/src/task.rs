@@ -96,7 +96,7 @@ impl GymnasiumTask {
         let Measured { names, fold, success } = measured(words, &mut session, &greeting, horizon)?;
         let units = Units::new(&greeting.bounds);
         let trial = trial::trial(&mut session, &units, TRIAL_STEPS.min(horizon))?;
-        let Greeting { versions, parts, bounds, info, step_secs, .. } = greeting;
+        let Greeting { versions, parts, bounds, info, step_secs, picture_secs, .. } = greeting;
         let specification = Specification {
             name: source.short_name(),
             observation_size: parts.iter().map(|(_, width)| width).sum(),
@@ -106,7 +106,8 @@ impl GymnasiumTask {
             measurements: names,
             variants: vec!["default".to_owned()],
             horizon,
-            control_step_secs: step_secs.unwrap_or(1.0),
+            control_step_secs: step_secs.or(picture_secs).unwrap_or(1.0),
+            is_control_step_told: step_secs.is_some(),
         };
         Ok(Self(Arc::new(Opened {
             interpreter,

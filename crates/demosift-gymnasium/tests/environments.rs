@@ -131,10 +131,12 @@ fn an_environment_says_what_it_is_made_of() {
         measurements,
         horizon,
         control_step_secs,
+        is_control_step_told,
         ..
     } = task.specification();
     assert_eq!((name.as_str(), *observation_size, *horizon), ("point", 4, 30));
     assert_eq!((control_ranges, *control_step_secs), (&vec![[-2.0, 2.0]; 2], 0.1));
+    assert!(!is_control_step_told, "it has a rate of pictures alone");
     assert_eq!(measurements, &["reward", "terminated", "distance", "is_success"]);
     assert_eq!(task.info(), ["distance", "is_success"], "a word is no number");
     assert!(task.versions().contains_key("gymnasium") && task.versions().contains_key("python"));

@@ -8,7 +8,7 @@ use demosift::data::demonstration::set_file::{Ranges, SetFile};
 use demosift::data::demonstration::timing::{Jump, Timing};
 use demosift::data::trajectory::StateLog;
 use demosift::math::rows::Rows;
-use demosift::world::environment::{EnvVariant, Environment as _, Task as _};
+use demosift::world::environment::{EnvVariant, Environment as _, Specification, Task as _};
 use demosift_mujoco::check::{self, Finding, Presented, Severity};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
@@ -363,6 +363,17 @@ fn another_rate_is_found_and_what_is_said_of_it_is_believed() {
     );
     assert!(error.advice.as_ref().unwrap().contains("--without 7"), "{error:#?}");
     assert!(errors(&fit(says(25.0), clock(0.04, vec![jump]), "rate = 25")).is_empty());
+    // A simulator that does not say how long its steps are refuses nobody.
+    let unsure = Specification { is_control_step_told: false, ..task.specification().clone() };
+    for (said, file) in [(50.0, ""), (50.0, "rate = 50")] {
+        let set_file = SetFile::parse(file).unwrap();
+        let plain = Presented::plain(&set.demonstrations, None);
+        let findings = check::fit(&unsure, None, &Presented { says: says(said), set_file, ..plain }).unwrap();
+        assert!(errors(&findings).is_empty(), "{findings:#?}");
+        let words = "meta/info.json says 50 steps a second, and the environment does not say";
+        let warned = findings.iter().any(|finding| finding.message.starts_with(words));
+        assert_eq!(warned, file.is_empty(), "{findings:#?}");
+    }
     let played = arm(MOTORS);
     let set = record(&played);
     let presented = Presented { says: says(50.0), ..Presented::plain(&set.demonstrations, None) };

@@ -195,13 +195,21 @@ def limit_of(env):
 
 
 def step_secs(env):
-    """Simulated seconds of a step, where the environment tells."""
-    inner = getattr(env, "unwrapped", env)
+    """Simulated seconds of a step by `dt`, which is the environment's word."""
+    dt = getattr(getattr(env, "unwrapped", env), "dt", None)
+    return seconds(lambda: dt() if callable(dt) else dt)
+
+
+def picture_secs(env):
+    """Seconds of a picture, most often those of a step; but a rate of pictures is easily copied from elsewhere."""
+    metadata = getattr(getattr(env, "unwrapped", env), "metadata", None) or {}
+    return seconds(lambda: 1.0 / float(metadata["render_fps"]))
+
+
+def seconds(found):
+    """A number that can be the seconds of a step, or None."""
     try:
-        dt = getattr(inner, "dt", None)
-        dt = dt() if callable(dt) else dt
-        rate = (getattr(inner, "metadata", None) or {}).get("render_fps")
-        secs = float(dt) if dt else 1.0 / float(rate)
+        secs = float(found())
         return secs if 0.0 < secs < 1e6 else None
     except Exception:
         return None
@@ -355,6 +363,7 @@ class Player:
             "info": info,
             "limit": limit_of(self.env),
             "step_secs": step_secs(self.env),
+            "picture_secs": picture_secs(self.env),
         }
 
 

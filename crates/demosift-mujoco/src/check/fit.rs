@@ -154,7 +154,7 @@ fn of_time(
     let Presented { says, timing, set_file, .. } = presented;
     if let Some(rate) = set_file.rate {
         // Whoever says what the rate is knows better than the clock.
-        return match is_same_rate(rate, task_rate) {
+        return match !specification.is_control_step_told || is_same_rate(rate, task_rate) {
             true => Vec::new(),
             false => vec![Finding::error(
                 format!("set.toml says {} a second, and {}", steps_in(rate), in_task(specification)),
@@ -171,6 +171,13 @@ fn of_time(
             "the rate of the set, {} a second, is that of the task",
             steps_in(rate)
         ))),
+        Some((rate, who)) if !specification.is_control_step_told => findings.push(Finding::warning(
+            format!(
+                "{who} {} a second, and the environment does not say how long its steps are",
+                steps_in(rate)
+            ),
+            format!("let it step as long, {} s; its attribute `dt` says so", rounded(1.0 / rate)),
+        )),
         Some((rate, who)) => {
             let message = format!("{who} {} a second, and {}", steps_in(rate), in_task(specification));
             let finding = if physics.is_same() {
@@ -250,9 +257,10 @@ fn other_rate(rate: f64, mujoco: Option<&MujocoTask>) -> String {
         Some(skip) if (skip - skip.round()).abs() < 0.01 * skip && skip >= 0.99 => {
             format!("frame_skip = {} in task.toml makes the task's rate that of the set", skip.round())
         }
-        _ => {
+        Some(_) => {
             "give the task that rate, by timestep and frame_skip, or the set the rate of the task".to_owned()
         }
+        None => "give the environment that rate, or the set the rate of the environment".to_owned(),
     }
 }
 

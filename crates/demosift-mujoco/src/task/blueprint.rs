@@ -76,6 +76,7 @@ pub(crate) fn resolve(file: &TaskFile, model: Model) -> Result<Blueprint> {
         variants: variant_names(file)?,
         horizon,
         control_step_secs,
+        is_control_step_told: true,
     };
     Ok(Blueprint {
         reset: Reset::resolve(file, &model)?,

@@ -37,6 +37,8 @@ pub struct Specification {
     pub horizon: usize,
     /// Simulated seconds of a control step.
     pub control_step_secs: f64,
+    /// Whether the simulator itself says so; otherwise it is a guess, on which no set is refused.
+    pub is_control_step_told: bool,
 }
 
 impl Specification {
@@ -150,6 +152,7 @@ impl Specification {
 ///         variants: vec!["default".to_owned()],
 ///         horizon: 50,
 ///         control_step_secs: f64::from(CONTROL_STEP_SECS),
+///         is_control_step_told: true,
 ///     },
 /// };
 ///

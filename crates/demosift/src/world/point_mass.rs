@@ -52,6 +52,7 @@ impl PointMass {
                 variants: goals[..count].iter().map(name).collect(),
                 horizon: HORIZON,
                 control_step_secs: f64::from(CONTROL_STEP_SECS),
+                is_control_step_told: true,
             },
         }
     }

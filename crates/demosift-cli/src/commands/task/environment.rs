@@ -82,8 +82,7 @@ fn compare(task: &GymnasiumTask, data: &Path, how: &SetArguments) -> Result<Reco
 
 fn summary(simulated: &Simulated) -> String {
     let (task, simulator) = (&simulated.task, simulated.identity());
-    let Specification { observation_size, observation_parts, horizon, control_step_secs, .. } =
-        task.specification();
+    let Specification { observation_size, observation_parts, horizon, .. } = task.specification();
     let parts: Vec<String> =
         observation_parts.iter().map(|(name, width)| format!("{name} {width}")).collect();
     let versions: Vec<String> =
@@ -91,7 +90,7 @@ fn summary(simulated: &Simulated) -> String {
     let success = if task.tells_success() { "as info says" } else { "the environment does not say" };
     let rows = [
         ("interpreter", format!("{}: {}", simulator.python.display(), versions.join(", "))),
-        ("episode", format!("{horizon} steps of {} s", tables::short(*control_step_secs))),
+        ("episode", format!("{horizon} steps{}", length_of_steps(task.specification()))),
         ("observation", format!("{observation_size} numbers: {}", parts.join(", "))),
         ("action", actions(task.units().bounds())),
         ("info", if task.info().is_empty() { "no numbers".to_owned() } else { task.info().join(", ") }),
@@ -100,6 +99,14 @@ fn summary(simulated: &Simulated) -> String {
     ];
     let lines = rows.iter().map(|(what, words)| tables::hanging(&format!("  {what:<12}   "), words));
     format!("The environment '{}':\n\n{}", task.specification().name, lines.collect::<String>())
+}
+
+/// Such as ` of 0.05 s`; of an environment that does not say it, that it does not.
+fn length_of_steps(specification: &Specification) -> String {
+    match specification.is_control_step_told {
+        true => format!(" of {} s", tables::short(specification.control_step_secs)),
+        false => "; how long a step is, it does not say".to_owned(),
+    }
 }
 
 /// Such as `6 numbers from -1 to 1`.
