@@ -4,8 +4,8 @@
 //! A row that the file already holds is therefore not written twice.
 //! The same rows stand in a file for TensorBoard.
 //!
-//! `measured.json` says how much of the file there was at the last checkpoint, and its checksum: what is measured after that
-//! may be torn by a kill and is measured again, but nothing before it may be missing or another.
+//! `measured.json` says how much of the file there was at the last checkpoint, and its checksum: nothing before it may be
+//! missing or another. What came after nobody vouches for, so a run that goes on cuts it off and measures it again.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -87,16 +87,20 @@ impl MetricsFile {
 }
 
 impl Opened {
-    /// Opens the file behind its last whole line; a line that was cut short by a kill is measured again.
+    /// Opens the file behind what is vouched for, or, where somebody has deleted `measured.json`, behind its last whole line.
     fn at(folder: &Path) -> Result<Self> {
         let path = folder.join(NAME);
-        let measured = measured(folder)?;
+        let mut measured = measured(folder)?;
         let (file, mut text) = open_to_grow(&path)?;
         check(&measured, &text).map_err(|error| error.at(&path))?;
-        let whole = metrics::whole_lines(&text);
-        text.truncate(whole);
+        if measured.is_none() && text.is_empty() {
+            let nothing = measured.insert(Measured::of(&text));
+            files::write_atomically(&folder.join(MEASURED), &seal::to_json(nothing))?;
+        }
+        let kept = measured.as_ref().map_or_else(|| metrics::whole_lines(&text), |measured| measured.bytes);
+        text.truncate(kept);
         let rows = metrics::read(&text).map_err(|error| error.at(&path).with_hint(unreadable()))?;
-        file.set_len(whole as u64).map_err(|error| Error::io("cannot cut the metrics", &path, &error))?;
+        file.set_len(kept as u64).map_err(|error| Error::io("cannot cut the metrics", &path, &error))?;
         let events = EventFile::open(folder, &rows)?;
         let held = rows.into_iter().map(|line| line.row).collect();
         Ok(Self { path, file, text, held, events, vouched: measured.map_or(0, |measured| measured.bytes) })
@@ -178,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_doubled_and_a_torn_line_is_written_again() {
+    fn nothing_is_doubled_and_what_nobody_vouches_for_is_written_again() {
         let folder = scratch("torn");
         let write = |iterations: std::ops::Range<usize>| {
             append(&mut MetricsFile::of(&folder).unwrap(), iterations);
@@ -188,6 +192,18 @@ mod tests {
         assert_eq!(whole.lines().count(), 4);
         assert!(whole.contains("\"success\":null"), "{whole}");
         std::fs::write(folder.join(NAME), &whole[..whole.len() - 9]).unwrap();
+        assert_eq!(write(0..4), whole);
+        std::fs::write(folder.join(NAME), whole.replace("0.5", "0.7")).unwrap();
+        assert_eq!(write(0..4), whole, "changed where nobody could tell");
+        let mut file = MetricsFile::of(&folder).unwrap();
+        append(&mut file, 0..2);
+        file.settle().unwrap();
+        append(&mut file, 2..4);
+        drop(file);
+        std::fs::write(folder.join(NAME), whole.replacen("0.5", "0.7", 4).replacen("0.7", "0.5", 2)).unwrap();
+        assert_eq!(write(1..4), whole);
+        // Taken as they are, without what vouches for them.
+        std::fs::remove_file(folder.join(MEASURED)).unwrap();
         assert_eq!(write(2..4), whole);
         std::fs::remove_dir_all(&folder).unwrap();
     }
