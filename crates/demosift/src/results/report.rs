@@ -347,7 +347,7 @@ fn entries(sources: &Sources<'_>, scores: &ScoreTable, kept: &[DemoId], k: usize
             low: doubt.low,
             high: doubt.high,
             improves: doubt.improves,
-            top: doubt.top.get(k - 1).copied().ok_or_else(|| foreign(demo))?,
+            top: doubt.top.at(k).ok_or_else(|| foreign(demo))?,
             group: 1 + group.ok_or_else(|| foreign(demo))?,
             kept: kept.contains(&demo),
             by_judge: sources

@@ -48,6 +48,7 @@ mod chosen;
 mod judging;
 mod made_with;
 mod oracle;
+mod sparing;
 mod verdict;
 
 use serde::{Deserialize, Serialize};
@@ -136,6 +137,10 @@ pub struct CloningJudge {
     pub judging: Judging,
     /// The update.
     pub cloning: Cloning,
+    /// Each of so many demonstrations is judged as it says above. In a larger set each is imitated half as often before further
+    /// repeats go to those near the cut, and by no more updates than go over its pairs 600 times.
+    #[serde(default = "sparing::full_effort_up_to")]
+    pub full_effort_up_to: usize,
 }
 
 /// What a run is about, and where it stores and tells what it finds.

@@ -94,6 +94,7 @@ impl Preset {
                     batch: 100,
                     curve_episodes: 0,
                 },
+                full_effort_up_to: 100,
             },
             // ε: kept is what counts at least half as much as the mean.
             subset_selection: SubsetSelection {

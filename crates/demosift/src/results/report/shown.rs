@@ -6,7 +6,7 @@ use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemoId;
 use crate::data::trajectory::StateLog;
-use crate::stages::judge::{self, Judged, Judging, ScoreTable};
+use crate::stages::judge::{self, Judged, Judging, ScoreTable, Suitability};
 use crate::stages::select::Ranking;
 use crate::world::environment::{EnvVariant, Rollout};
 use crate::world::heuristic::Score;
@@ -60,7 +60,7 @@ pub fn worth_a_look(ranking: &Ranking, kept: usize) -> Vec<DemoId> {
 }
 
 /// For each variant the agent before, then the agent after each of these demonstrations, on the most typical of the evaluation
-/// seeds; nothing where the task has no simulator.
+/// seeds; nothing where the task has no simulator, or of demonstrations whose policies were not kept, in a large set.
 ///
 /// `start` is the policy that the first repeats started from, and `seed` is that of judging.
 ///
@@ -79,7 +79,10 @@ pub fn agent_episodes(
     for variant in playground.specification().variant_ids() {
         let evaluation = typical_evaluation(scores, variant);
         let look = Look { playground, judging, variant, evaluation, seed };
-        let both = scores.suitabilities.iter().zip(adapted);
+        let both = adapted.iter().filter_map(|adapted| {
+            let is_of = |of: &&Suitability| of.demo == adapted.demo && of.variant == adapted.variant;
+            Some((scores.suitabilities.iter().find(is_of)?, adapted))
+        });
         for (of, adapted) in both.filter(|(of, _)| of.variant == variant && demos.contains(&of.demo)) {
             if shown.last().is_none_or(|last: &Shown| last.variant != variant) {
                 shown.extend(look.at(Moment::Before, start, of.before[0][evaluation])?);

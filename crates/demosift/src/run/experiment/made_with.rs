@@ -5,7 +5,7 @@
 
 use std::borrow::Cow;
 
-use super::{Config, Run};
+use super::{Config, Run, sparing};
 use crate::basics::error::Result;
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemonstrationSet;
@@ -90,7 +90,7 @@ pub(crate) fn judged_by<'a>(run: &Run<'a>, judge: Judge) -> JudgedBy<'a> {
     let config = run.config;
     match judge {
         Judge::Cloning => JudgedBy {
-            judging: config.cloning_judge.judging.clone(),
+            judging: sparing::judging(&config.cloning_judge, run.set),
             inner: Cow::Owned(cloning_update(config)),
             starts_anew: true,
         },
