@@ -233,7 +233,7 @@ mod tests {
     use super::*;
     use demosift::basics::seed::Seed;
     use demosift::results::data_only::DataOnly;
-    use demosift::results::uncertainty::Doubt;
+    use demosift::results::uncertainty::{Chances, Doubt};
     use demosift::stages::select::Ranked;
     use demosift::world::point_mass::planted_set;
 

@@ -29,7 +29,7 @@ use crate::stages::subset_selection::{Weighing, WeighingEnd};
 use crate::world::environment::{EnvVariant, Task};
 use crate::world::heuristic::Score;
 
-pub use shown::{Moment, Shown, agent_episodes, typical_evaluation, worth_a_look};
+pub use shown::{MOST_WORTH_A_LOOK, Moment, Shown, agent_episodes, typical_evaluation, worth_a_look};
 
 /// What a report is made of.
 pub struct Sources<'a> {

@@ -23,7 +23,7 @@ mod race;
 mod unit;
 
 pub use crew::{Crew, HandIn, JudgeUnit, ShareOfThreads, Threads};
-pub use unit::{Outcome, Unit, judge_unit};
+pub use unit::{Outcome, Unit, is_kept_whole, judge_unit};
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -473,7 +473,7 @@ fn assemble(trial: &Trial<'_>, state: &JudgingState) -> Judged {
                 curves: of_demo.iter().map(|outcome| outcome.curve.clone()).collect(),
             });
             let policy = of_demo.iter().find_map(|outcome| outcome.policy.clone());
-            assert!(policy.is_some() || !unit::is_kept_whole(trial.set), "the first repeat keeps its policy");
+            assert!(policy.is_some() || !is_kept_whole(trial.set), "the first repeat keeps its policy");
             judged.adapted.extend(policy.map(|policy| AdaptedPolicy { demo, variant, policy }));
         }
     }
@@ -516,6 +516,26 @@ impl Effort {
             updates,
             adapting_steps: (updates * inner.episodes(task.horizon) * task.horizon) as u64,
             evaluating_steps: (units * judging.episodes(task.horizon) * task.horizon) as u64,
+        }
+    }
+
+    /// With so many demonstrations looked at afterward, where the set is so large that [`judge`] leaves that out.
+    #[must_use]
+    pub fn and_looking_at(
+        self,
+        demos: usize,
+        task: &Specification,
+        judging: &Judging,
+        inner: &InnerUpdate,
+    ) -> Self {
+        let once = Judging { repeats: 1, most_repeats: 0, ..judging.clone() };
+        let of = |demos| Self::of(demos, task, &once, inner, false);
+        let (looked, start) = (of(demos), of(0));
+        Self {
+            units: self.units,
+            updates: self.updates + looked.updates,
+            adapting_steps: self.adapting_steps + looked.adapting_steps,
+            evaluating_steps: self.evaluating_steps + looked.evaluating_steps - start.evaluating_steps,
         }
     }
 

@@ -126,9 +126,8 @@ fn no_complete_episode(steps: usize, has_terminals: bool, has_timeouts: bool) ->
 fn split(observations: Rows, actions: Rows, ends: &[usize]) -> Vec<episode::Episode> {
     let starts = || std::iter::once(0).chain(ends.iter().copied());
     // One table after the other, so that the first is gone when the second is split.
-    let [observations, actions] = [observations, actions].map(|table| {
-        starts().zip(ends).map(|(start, &end)| cut(&table, start, end)).collect::<Vec<_>>()
-    });
+    let [observations, actions] = [observations, actions]
+        .map(|table| starts().zip(ends).map(|(start, &end)| cut(&table, start, end)).collect::<Vec<_>>());
     let both = observations.into_iter().zip(actions).enumerate();
     both.map(|(index, (observations, actions))| {
         episode::Episode::new(index.to_string(), observations, actions, None)

@@ -40,8 +40,8 @@ pub struct Shown {
 }
 
 /// Of so many demonstrations all are looked at.
-const ALL: usize = 40;
-/// Of more these are: so many of the best, so many of the worst, and for the rest of [`ALL`] those nearest to the cut.
+pub const MOST_WORTH_A_LOOK: usize = 40;
+/// Of more these are: so many of the best, so many of the worst, and for the rest of [`MOST_WORTH_A_LOOK`] those nearest to the cut.
 const BEST: usize = 8;
 const WORST: usize = 4;
 
@@ -54,7 +54,7 @@ pub fn worth_a_look(ranking: &Ranking, kept: usize) -> Vec<DemoId> {
     let from_cut = |place: usize| (2 * place + 1).abs_diff(2 * kept);
     let mut places: Vec<usize> = (0..count).collect();
     places.sort_by_key(|&place| (!is_at_an_end(place), from_cut(place), place));
-    places.truncate(ALL);
+    places.truncate(MOST_WORTH_A_LOOK);
     places.sort_unstable();
     places.into_iter().map(|place| ranking.entries[place].demo).collect()
 }

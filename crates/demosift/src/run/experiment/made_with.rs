@@ -5,6 +5,7 @@
 
 use std::borrow::Cow;
 
+use super::judging::most_looked_at;
 use super::{Config, Run, sparing};
 use crate::basics::error::Result;
 use crate::basics::seed::Seed;
@@ -106,7 +107,11 @@ impl JudgedBy<'_> {
     /// What judging the set of a run takes at most.
     pub(crate) fn effort(&self, run: &Run<'_>) -> judge::Effort {
         let task = run.playground.specification();
-        judge::Effort::of(run.set.len(), task, &self.judging, &self.inner, self.starts_anew)
+        let effort = judge::Effort::of(run.set.len(), task, &self.judging, &self.inner, self.starts_anew);
+        if judge::is_kept_whole(run.set) {
+            return effort;
+        }
+        effort.and_looking_at(most_looked_at(run.set, task), task, &self.judging, &self.inner)
     }
 }
 

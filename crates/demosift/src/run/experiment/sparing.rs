@@ -55,7 +55,10 @@ mod tests {
         // 200 pairs are two batches, and of a thousand 100 updates make 200 passes.
         assert_eq!(judging(&by, &set(101, 200)).iterations, 60);
         assert_eq!(judging(&by, &set(101, 1000)).iterations, by.judging.iterations);
-        assert_eq!(judging(&CloningJudge { full_effort_up_to: 101, ..by.clone() }, &set(101, 60)), by.judging);
+        assert_eq!(
+            judging(&CloningJudge { full_effort_up_to: 101, ..by.clone() }, &set(101, 60)),
+            by.judging
+        );
         let repeats = |repeats| {
             let asked = Judging { repeats, ..by.judging.clone() };
             judging(&CloningJudge { judging: asked, ..by.clone() }, &set(101, 60)).repeats

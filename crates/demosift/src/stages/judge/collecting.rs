@@ -87,7 +87,12 @@ impl<'a> Collecting<'a> {
     }
 }
 
-pub(super) fn report(judging: &str, unit: &Unit, outcome: &Outcome, observer: &mut dyn Observer) -> Result<()> {
+pub(super) fn report(
+    judging: &str,
+    unit: &Unit,
+    outcome: &Outcome,
+    observer: &mut dyn Observer,
+) -> Result<()> {
     let Some(demo) = unit.demo else { return Ok(()) };
     let unit = format!("variant {} demonstration {demo} repeat {}", unit.variant.0, unit.repeat);
     let part = if judging.is_empty() { unit } else { format!("{judging} {unit}") };

@@ -69,8 +69,8 @@ pub fn judge_unit(trial: &Trial<'_>, unit: &Unit) -> Result<Outcome> {
 /// or a run would hold little else.
 const KEPT_WHOLE: usize = 200;
 
-/// Whether the units of a set keep their curves and policies.
-pub(super) fn is_kept_whole(set: &DemonstrationSet) -> bool {
+/// Whether the units of a set keep their curves and policies; of a larger set they are made again for those that are looked at.
+pub fn is_kept_whole(set: &DemonstrationSet) -> bool {
     set.len() <= KEPT_WHOLE
 }
 
