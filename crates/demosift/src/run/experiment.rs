@@ -137,8 +137,8 @@ pub struct CloningJudge {
     pub judging: Judging,
     /// The update.
     pub cloning: Cloning,
-    /// Each of so many demonstrations is judged as it says above. In a larger set each is imitated half as often before further
-    /// repeats go to those near the cut, and by no more updates than go over its pairs 600 times.
+    /// Each of so many demonstrations is judged as it says above. In a larger set each is imitated half as often, and at least
+    /// three times, before further repeats go to those near the cut, and by no more updates than go over its pairs 600 times.
     #[serde(default = "sparing::full_effort_up_to")]
     pub full_effort_up_to: usize,
 }
