@@ -98,7 +98,7 @@ impl Rows {
 
     /// All numbers, row after row, to be changed in place.
     pub fn flat_mut(&mut self) -> &mut [f32] {
-        Arc::make_mut(&mut self.values)
+        Arc::make_mut(&mut self.values).as_mut_slice()
     }
 
     /// The first `len` rows.
