@@ -12,7 +12,7 @@ use super::{
 use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::basics::seed::Seed;
-use crate::data::demonstration::{DemoId, DemonstrationSet};
+use crate::data::demonstration::DemoId;
 use crate::data::likeness::TrainedOn;
 use crate::data::observation_filter::ObservationFilter;
 use crate::learning::adapt::{self, Learner, MetaPrior};
@@ -25,7 +25,7 @@ use crate::stages::judge::{
 use crate::stages::meta_train::{self, MetaState, MetaTraining};
 use crate::stages::pre_train::{self, PreTrainState, PreTraining};
 use crate::stages::select;
-use crate::world::environment::{EnvVariant, Specification};
+use crate::world::environment::EnvVariant;
 use crate::world::policy::Policy;
 
 /// DemonstrationSet → MetaPrior, by the run's method.
@@ -174,15 +174,6 @@ fn worth_a_look(scores: &ScoreTable, kept: usize) -> Vec<DemoId> {
     let rankings = [select::rank(scores)].into_iter().chain(under);
     let demos = rankings.flat_map(|ranking| report::worth_a_look(&ranking, kept));
     demos.collect::<BTreeSet<_>>().into_iter().collect()
-}
-
-/// How many these are at most.
-pub(super) fn most_looked_at(set: &DemonstrationSet, task: &Specification) -> usize {
-    let rankings = match task.variants.len() {
-        1 => 1,
-        variants => 1 + variants,
-    };
-    set.len().min(rankings * report::MOST_WORTH_A_LOOK)
 }
 
 /// The random numbers of a judge.

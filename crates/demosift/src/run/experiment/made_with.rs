@@ -5,18 +5,19 @@
 
 use std::borrow::Cow;
 
-use super::judging::most_looked_at;
 use super::{Config, Run, sparing};
 use crate::basics::error::Result;
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemonstrationSet;
 use crate::learning::adapt::{InnerUpdate, Rule};
 use crate::results::panel::Judge;
+use crate::results::report;
 use crate::stages::judge::{self, Judging};
 use crate::stages::meta_train::{Learning, MetaTraining, MutualInformation};
 use crate::stages::method::{self, Asked, Budget, Method};
 use crate::stages::pre_train::PreTraining;
 use crate::stages::subset_selection::{self, Means};
+use crate::world::environment::Specification;
 use crate::world::rollout::Playground;
 
 /// How the run's method spends its budget.
@@ -113,6 +114,15 @@ impl JudgedBy<'_> {
         }
         effort.and_looking_at(most_looked_at(run.set, task), task, &self.judging, &self.inner)
     }
+}
+
+/// How many demonstrations of a large set are looked at afterward, at most: over all goals and under each of them.
+fn most_looked_at(set: &DemonstrationSet, task: &Specification) -> usize {
+    let rankings = match task.variants.len() {
+        1 => 1,
+        variants => 1 + variants,
+    };
+    set.len().min(rankings * report::MOST_WORTH_A_LOOK)
 }
 
 /// The inner update of the judge by behavioral cloning.
