@@ -90,6 +90,7 @@ pub(crate) use made_with::{
 pub use made_with::{budget, check_budget};
 pub(crate) use oracle::{OracleTraining, oracle_part, oracle_trainings, random_part};
 pub use oracle::{oracle, oracle_curve, policy_from_kept, random_subset};
+pub(crate) use sparing::FULL_EFFORT_UP_TO;
 pub(crate) use verdict::rest as rest_of_verdict;
 pub use verdict::{BEST, verdict};
 

@@ -6,9 +6,12 @@ use super::CloningJudge;
 use crate::data::demonstration::DemonstrationSet;
 use crate::stages::judge::Judging;
 
+/// Up to so many demonstrations each is judged as it is configured, unless the configuration says another number.
+pub(crate) const FULL_EFFORT_UP_TO: usize = 100;
+
 /// Where the configuration of an earlier version does not say it.
 pub(super) fn full_effort_up_to() -> usize {
-    100
+    FULL_EFFORT_UP_TO
 }
 
 /// With two in place of three the ranking is worse.
