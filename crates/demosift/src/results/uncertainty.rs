@@ -36,8 +36,8 @@ use crate::world::heuristic::Score;
 /// How the judgment is drawn again; nothing of it is in the paper.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resampling {
-    /// Draws; 4000 put a standard error of half a percent on a probability near 0.1 or 0.9. Of a large set there are fewer,
-    /// so that no more than ten million scores are drawn, but 1000 at least, for one percent.
+    /// Draws; 4000 put a standard error of half a percent on a probability near 0.1 or 0.9. Of a large set there are fewer, and
+    /// 1000 at least, for one percent.
     pub draws: usize,
     /// What counts as sure: the probability in an interval, and that with which groups and `--keep auto` are decided.
     pub level: f64,
@@ -53,7 +53,7 @@ impl Default for Resampling {
 
 /// Scores that are drawn at most ...
 const MOST_SCORES: usize = 10_000_000;
-/// ... but each demonstration's so often at least, unless fewer draws are asked for.
+/// ... but each demonstration's so often at least.
 const LEAST_DRAWS: usize = 1000;
 
 impl Resampling {
@@ -117,8 +117,10 @@ pub struct Doubt {
 pub struct Chances {
     /// K before whose first value nothing is known.
     demonstrations: usize,
-    /// Ascending by K, each with the probability from there on.
+    /// From draws without ties: ascending by K, each with the probability from there on.
     rises: Vec<Rise>,
+    /// From draws in which places are shared.
+    ties: Vec<Tie>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -127,22 +129,35 @@ struct Rise {
     to: f64,
 }
 
+/// A share of the draws in which `among` demonstrations share the places behind the `first` ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Tie {
+    first: u32,
+    among: u32,
+    share: f64,
+}
+
 impl Chances {
     /// From the value for each K, from 1 on.
     pub fn new(values: &[f64]) -> Self {
         let rises = values.iter().enumerate().map(|(place, &to)| Rise { k: place_of(place) + 1, to });
-        Self { demonstrations: values.len(), rises: rises.collect() }
+        Self { demonstrations: values.len(), rises: rises.collect(), ties: Vec::new() }
     }
 
     /// That for K; `None` where K is 0 or more than there are demonstrations, or nothing is known.
     pub fn at(&self, k: usize) -> Option<f64> {
         let known = (1..=self.demonstrations).contains(&k);
         let above = self.rises.partition_point(|rise| rise.k as usize <= k);
-        known.then(|| above.checked_sub(1).map_or(0.0, |last| self.rises[last].to))
+        let alone = above.checked_sub(1).map_or(0.0, |last| self.rises[last].to);
+        let of_tie = |tie: &Tie| {
+            let places = k.saturating_sub(tie.first as usize).min(tie.among as usize);
+            tie.share * places as f64 / f64::from(tie.among)
+        };
+        known.then(|| alone + self.ties.iter().map(of_tie).sum::<f64>())
     }
 }
 
-/// A place among so many demonstrations as memory holds, in half of the room.
+/// A place in half of the room.
 fn place_of(place: usize) -> u32 {
     u32::try_from(place).unwrap_or(u32::MAX)
 }
@@ -520,16 +535,21 @@ fn top_probabilities(draws: &[Vec<Score>]) -> Vec<Chances> {
 }
 
 fn chances(stood: &[Stood], demonstrations: usize) -> Chances {
-    let mut shares: BTreeMap<u32, f64> = BTreeMap::new();
+    let mut alone: BTreeMap<u32, usize> = BTreeMap::new();
+    let mut shared: BTreeMap<(u32, u32), usize> = BTreeMap::new();
     for Stood { first, among } in stood {
-        let share = 1.0 / f64::from(*among);
-        (*first..first + among).for_each(|place| *shares.entry(place).or_default() += share);
+        match among {
+            1 => *alone.entry(*first).or_default() += 1,
+            _ => *shared.entry((*first, *among)).or_default() += 1,
+        }
     }
-    let rises = shares.into_iter().scan(0.0, |sum, (place, share)| {
-        *sum += share;
-        Some(Rise { k: place + 1, to: *sum / stood.len() as f64 })
+    let share = |count: usize| count as f64 / stood.len() as f64;
+    let rises = alone.into_iter().scan(0, |sum, (place, count)| {
+        *sum += count;
+        Some(Rise { k: place + 1, to: share(*sum) })
     });
-    Chances { demonstrations, rises: rises.collect() }
+    let ties = shared.into_iter().map(|((first, among), count)| Tie { first, among, share: share(count) });
+    Chances { demonstrations, rises: rises.collect(), ties: ties.collect() }
 }
 
 /// Indices from the most to the least suitable, ties by id.

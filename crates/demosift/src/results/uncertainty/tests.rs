@@ -201,6 +201,19 @@ fn chances_are_the_shares_of_draws_for_every_k() {
     }
 }
 
+/// All alike, and a first: each of the others has the same share of the places that are left.
+#[test]
+fn those_alike_share_their_places_however_many_they_are() {
+    let draw: Vec<f64> = (0..2000).map(|demo| if demo == 7 { 1.0 } else { 0.0 }).collect();
+    let chances = top_probabilities(&vec![draw; 20]);
+    assert_eq!([1, 2, 2000].map(|k| chances[7].at(k)), [Some(1.0); 3]);
+    assert_eq!(chances[0].at(1), Some(0.0));
+    for k in [2, 1000, 2000] {
+        let share = (k - 1) as f64 / 1999.0;
+        assert!((chances[0].at(k).unwrap() - share).abs() < 1e-12, "{k}");
+    }
+}
+
 #[test]
 fn a_large_set_is_drawn_less_often_and_never_less_than_a_thousand_times() {
     let draws = |count| Resampling::default().draws_of(count);
