@@ -69,6 +69,30 @@ fn parts_that_are_started_again_finish_by_themselves() {
     assert!(whole["panel.json"] == shared["panel.json"]);
 }
 
+/// Killed behind its first checkpoint, with units half done; another process takes its place, and no unit counts twice.
+#[test]
+fn a_part_that_was_killed_is_replaced_by_the_same_line() {
+    let scratch = Scratch::new("parts-killed");
+    let job =
+        format!("judge set {TASK} --judge cloning --set cloning_judge.judging.iterations=60 --threads 1");
+    scratch.succeed(&format!("{job} --out undivided"));
+    let line = format!("{job} --out shared --part 1/2");
+    let mut killed = scratch.command(&line).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let checkpoint = scratch.0.join("shared/parts/1-of-2/checkpoint_judge_cloning.bin");
+    while !checkpoint.exists() && killed.try_wait().unwrap().is_none() {
+        std::thread::yield_now();
+    }
+    let _ = killed.kill();
+    killed.wait().unwrap();
+    assert!(checkpoint.exists(), "it was killed before it had done anything");
+    scratch.succeed(&line);
+    scratch.succeed(&line.replace("1/2", "2/2"));
+    scratch.succeed("judge --out shared --resume");
+    // What was played is among the results, so a unit that counted twice would show.
+    assert!(results(&scratch, "undivided").contains_key("spent_judge_cloning.json"));
+    assert_collected(&scratch, "undivided", "shared");
+}
+
 #[test]
 fn what_a_part_did_not_do_the_whole_does() {
     let scratch = Scratch::new("parts-lost");

@@ -253,7 +253,7 @@ fn a_run_folder_grows_with_the_set_and_not_with_its_square() {
         sizes.push(("--json".to_owned(), json.len()));
         sizes
     };
-    let [few, many] = [100, 200].map(run);
+    let [few, many, large] = [100, 200, 250].map(run);
     let names = |sizes: &[(String, usize)]| sizes.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
     assert_eq!(names(&few), names(&many));
     for ((name, few), (_, many)) in few.iter().zip(&many) {
@@ -262,6 +262,15 @@ fn a_run_folder_grows_with_the_set_and_not_with_its_square() {
     }
     let of = |name: &str| many.iter().find(|(of, _)| of == name).unwrap().1;
     assert!(of("panel.json") < 200 * 500 && of("uncertainty.json") < 200 * 300, "{many:?}");
+    // Beyond 200 policies and curves are there for those that the report looks at alone.
+    for (name, size) in &large {
+        let most = match name.as_str() {
+            "adapted_cloning.safetensors" | "metrics.jsonl" | "events.out.tfevents.demosift" => of(name) / 3,
+            "scores_cloning.json" => of(name),
+            _ => of(name) * 27 / 20 + 1000,
+        };
+        assert!(*size < most, "{name}: {} bytes of 200 demonstrations, {size} of 250", of(name));
+    }
 }
 
 #[test]

@@ -71,7 +71,7 @@ pub(crate) fn ranking(judgment: &Judgment<'_>, kept: Option<Kept<'_>>) -> String
                 scale.plain(entry.after),
                 scale.signed(entry.gain),
                 format!("[{}, {}]", scale.signed(doubt.low), scale.signed(doubt.high)),
-                percent(doubt.top[k - 1]),
+                percent(doubt.top.at(k).unwrap_or(f64::NAN)),
                 group(uncertainty, entry.demo),
             ];
             row.extend(kept.map(|kept| is_kept(&kept.subset.demos, entry.demo).to_owned()));
@@ -233,7 +233,7 @@ mod tests {
     use super::*;
     use demosift::basics::seed::Seed;
     use demosift::results::data_only::DataOnly;
-    use demosift::results::uncertainty::Doubt;
+    use demosift::results::uncertainty::{Chances, Doubt};
     use demosift::stages::select::Ranked;
     use demosift::world::point_mass::planted_set;
 
@@ -255,7 +255,7 @@ mod tests {
             high: score + 150.5,
             improves: 0.95,
             near_best: 0.5,
-            top: vec![0.5; scores.len()],
+            top: Chances::new(&vec![0.5; scores.len()]),
         };
         Uncertainty {
             level: 0.9,

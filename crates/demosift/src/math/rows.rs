@@ -1,18 +1,42 @@
 //! A table of numbers, one row a time step: the shape in which everything here is stored.
 
+use std::sync::Arc;
+
 use crate::basics::error::{Error, Result};
 
 /// A row-major table of shape `[len, width]`.
+///
+/// A clone shares the numbers until one of both is changed: a large set is handed on many times and lies in memory once.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(from = "Plain", into = "Plain")]
 pub struct Rows {
+    values: Arc<Vec<f32>>,
+    width: usize,
+}
+
+/// As it is written.
+#[derive(serde::Serialize, serde::Deserialize)]
+struct Plain {
     values: Vec<f32>,
     width: usize,
+}
+
+impl From<Plain> for Rows {
+    fn from(Plain { values, width }: Plain) -> Self {
+        Self { values: Arc::new(values), width }
+    }
+}
+
+impl From<Rows> for Plain {
+    fn from(Rows { values, width }: Rows) -> Self {
+        Self { values: Arc::unwrap_or_clone(values), width }
+    }
 }
 
 impl Rows {
     /// A table without rows that will hold rows of `width` numbers.
     pub fn with_capacity(width: usize, len: usize) -> Self {
-        Self { values: Vec::with_capacity(width * len), width }
+        Self { values: Arc::new(Vec::with_capacity(width * len)), width }
     }
 
     /// The table over flat `values`; their number must be a multiple of `width`.
@@ -20,7 +44,7 @@ impl Rows {
         if width == 0 || !values.len().is_multiple_of(width) {
             return Err(Error::bad_input(format!("{} numbers do not make rows of {width}", values.len())));
         }
-        Ok(Self { values, width })
+        Ok(Self { values: Arc::new(values), width })
     }
 
     /// Appends a row of `width` numbers.
@@ -29,7 +53,7 @@ impl Rows {
     /// If the row has another width: a bug of the caller.
     pub fn push(&mut self, row: &[f32]) {
         assert_eq!(row.len(), self.width, "row width");
-        self.values.extend_from_slice(row);
+        Arc::make_mut(&mut self.values).extend_from_slice(row);
     }
 
     /// Appends all rows of a table of the same width.
@@ -38,7 +62,7 @@ impl Rows {
     /// If the widths differ: a bug of the caller.
     pub fn append(&mut self, rows: &Rows) {
         assert_eq!(rows.width, self.width, "row width");
-        self.values.extend_from_slice(&rows.values);
+        Arc::make_mut(&mut self.values).extend_from_slice(&rows.values);
     }
 
     /// Number of rows.
@@ -74,13 +98,13 @@ impl Rows {
 
     /// All numbers, row after row, to be changed in place.
     pub fn flat_mut(&mut self) -> &mut [f32] {
-        &mut self.values
+        Arc::make_mut(&mut self.values).as_mut_slice()
     }
 
     /// The first `len` rows.
     #[must_use]
     pub fn head(&self, len: usize) -> Self {
-        Self { values: self.values[..len * self.width].to_vec(), width: self.width }
+        Self { values: Arc::new(self.values[..len * self.width].to_vec()), width: self.width }
     }
 
     /// Position `(row, column)` of the first number that is not finite.
@@ -97,5 +121,29 @@ impl<'a> FromIterator<&'a [f32]> for Rows {
         let mut table = Self::with_capacity(width, rows.size_hint().0);
         rows.for_each(|row| table.push(row));
         table
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clone_shares_the_numbers_until_it_is_changed() {
+        let table = Rows::from_flat(vec![1.0, 2.0, 3.0, 4.0], 2).expect("whole rows");
+        let mut other = table.clone();
+        assert!(std::ptr::eq(table.flat(), other.flat()));
+        other.push(&[5.0, 6.0]);
+        other.flat_mut()[0] = 9.0;
+        assert_eq!(table.flat(), [1.0, 2.0, 3.0, 4.0]);
+        assert_eq!(other.flat(), [9.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    }
+
+    #[test]
+    fn a_table_is_written_as_numbers_and_width() {
+        let table = Rows::from_flat(vec![1.0, 2.0, 3.0, 4.0], 2).expect("whole rows");
+        let text = serde_json::to_string(&table).expect("plain data");
+        assert_eq!(text, r#"{"values":[1.0,2.0,3.0,4.0],"width":2}"#);
+        assert_eq!(serde_json::from_str::<Rows>(&text).expect("the same"), table);
     }
 }

@@ -129,7 +129,7 @@ impl Artifact for Spent {
     }
 }
 
-/// S of all by one judge, whose name is the part, as JSON, and beside it every adapted policy.
+/// S of all by one judge, whose name is the part, as JSON, and beside it the adapted policies.
 impl Artifact for Judged {
     fn store(&self, ledger: &mut dyn Ledger, judge: &str) -> Result<()> {
         let tensors = self.adapted.iter().flat_map(|AdaptedPolicy { demo, variant, policy }| {
@@ -150,7 +150,9 @@ impl Artifact for Judged {
             let policy = tensors.policy(&adapted_prefix(variant, demo))?;
             Ok(AdaptedPolicy { demo, variant, policy })
         };
-        let adapted = scores.suitabilities.iter().map(adapted).collect::<Result<_>>()?;
+        // Of a large set those of a few are stored; that none is lost of what was stored, the checksum says.
+        let has_policy = |of: &&Suitability| tensors.holds(&adapted_prefix(of.variant, of.demo));
+        let adapted = scores.suitabilities.iter().filter(has_policy).map(adapted).collect::<Result<_>>()?;
         Ok(Some(Self { scores, adapted }))
     }
 }
@@ -426,6 +428,11 @@ impl<'a> Tensors<'a> {
             )));
         }
         Ok((view.shape().to_vec(), values))
+    }
+
+    /// Whether a network stands under these names.
+    fn holds(&self, prefix: &str) -> bool {
+        self.tensors.tensor(&format!("{prefix}.0.weight")).is_ok()
     }
 
     fn network(&self, prefix: &str) -> Result<(Mlp, Vec<f32>)> {

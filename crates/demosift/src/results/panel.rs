@@ -251,9 +251,7 @@ fn agreement(one: &Opinion, other: &Opinion) -> Option<f64> {
 
 fn disagreements(opinions: [&Opinion; 2], k: usize) -> Vec<Disagreement> {
     let level = opinions[0].uncertainty.level;
-    let top = |opinion: &Opinion, demo| {
-        opinion.uncertainty.of(demo).and_then(|doubt| doubt.top.get(k.saturating_sub(1)).copied())
-    };
+    let top = |opinion: &Opinion, demo| opinion.uncertainty.of(demo).and_then(|doubt| doubt.top.at(k));
     let differ = |demo: DemoId| {
         let [one, other] = opinions.map(|opinion| top(opinion, demo).unwrap_or(0.5));
         let kept_by = |winner: &Opinion| Disagreement { demo, kept_by: winner.judge };

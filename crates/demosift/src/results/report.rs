@@ -29,7 +29,7 @@ use crate::stages::subset_selection::{Weighing, WeighingEnd};
 use crate::world::environment::{EnvVariant, Task};
 use crate::world::heuristic::Score;
 
-pub use shown::{Moment, Shown, agent_episodes, typical_evaluation, worth_a_look};
+pub use shown::{MOST_WORTH_A_LOOK, Moment, Shown, agent_episodes, typical_evaluation, worth_a_look};
 
 /// What a report is made of.
 pub struct Sources<'a> {
@@ -349,7 +349,7 @@ fn entries(sources: &Sources<'_>, scores: &ScoreTable, kept: &[DemoId], k: usize
             low: doubt.low,
             high: doubt.high,
             improves: doubt.improves,
-            top: doubt.top.get(k - 1).copied().ok_or_else(|| foreign(demo))?,
+            top: doubt.top.at(k).ok_or_else(|| foreign(demo))?,
             group: 1 + group.ok_or_else(|| foreign(demo))?,
             kept: kept.contains(&demo),
             by_judge: sources

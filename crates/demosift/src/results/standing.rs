@@ -69,7 +69,7 @@ fn standing(earlier: &Earlier<'_>, new: &ScoreTable, demo: DemoId, seed: &Seed) 
         Keep::Auto => Some(doubts.worth_keeping().contains(&added)),
         Keep::Quarter | Keep::Count(_) => Some(place <= earlier.kept),
     };
-    let top = doubt.top[earlier.kept.clamp(1, ranking.len()) - 1];
+    let top = doubt.top.at(earlier.kept.clamp(1, ranking.len())).unwrap_or(f64::NAN);
     Ok(Standing {
         demo,
         gain: doubt.gain,

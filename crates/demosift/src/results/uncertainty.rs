@@ -21,6 +21,8 @@
 //! **What is not in the intervals**: the meta-parameters are taken as they are.
 //! Meta-training again with another seed moves scores as well, and only another `--seed` shows how far.
 
+use std::collections::BTreeMap;
+
 use rand_distr::{Distribution, StudentT};
 use serde::{Deserialize, Serialize};
 
@@ -34,7 +36,8 @@ use crate::world::heuristic::Score;
 /// How the judgment is drawn again; nothing of it is in the paper.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resampling {
-    /// Draws; 4000 put a standard error of half a percent on a probability near 0.1 or 0.9.
+    /// Draws; 4000 put a standard error of half a percent on a probability near 0.1 or 0.9. Of a large set there are fewer, and
+    /// 1000 at least, for one percent.
     pub draws: usize,
     /// What counts as sure: the probability in an interval, and that with which groups and `--keep auto` are decided.
     pub level: f64,
@@ -45,6 +48,18 @@ pub struct Resampling {
 impl Default for Resampling {
     fn default() -> Self {
         Self { draws: 4000, level: 0.9, pooling: 4.0 }
+    }
+}
+
+/// Scores that are drawn at most ...
+const MOST_SCORES: usize = 10_000_000;
+/// ... but each demonstration's so often at least.
+const LEAST_DRAWS: usize = 1000;
+
+impl Resampling {
+    /// Draws for so many demonstrations.
+    fn draws_of(&self, demonstrations: usize) -> usize {
+        self.draws.min((MOST_SCORES / demonstrations).max(LEAST_DRAWS))
     }
 }
 
@@ -90,10 +105,61 @@ pub struct Doubt {
     pub near_best: f64,
     /// For each K from 1: probability that it belongs to the K best; ties share the places that they compete for.
     ///
-    /// Not stored: of a thousand demonstrations these are a million numbers, and [`uncertainty`] makes them again from the
-    /// scores. It is empty in what was read from a file.
+    /// Not stored, as [`uncertainty`] makes them again from the scores. It is empty in what was read from a file.
     #[serde(skip)]
-    pub top: Vec<f64>,
+    pub top: Chances,
+}
+
+/// A probability for each K from 1, which rises with K to 1; none where nothing is known.
+///
+/// It is held as the places at which it rises: of a thousand demonstrations all values would be a million numbers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Chances {
+    /// K before whose first value nothing is known.
+    demonstrations: usize,
+    /// From draws without ties: ascending by K, each with the probability from there on.
+    rises: Vec<Rise>,
+    /// From draws in which places are shared.
+    ties: Vec<Tie>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Rise {
+    k: u32,
+    to: f64,
+}
+
+/// A share of the draws in which `among` demonstrations share the places behind the `first` ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Tie {
+    first: u32,
+    among: u32,
+    share: f64,
+}
+
+impl Chances {
+    /// From the value for each K, from 1 on.
+    pub fn new(values: &[f64]) -> Self {
+        let rises = values.iter().enumerate().map(|(place, &to)| Rise { k: place_of(place) + 1, to });
+        Self { demonstrations: values.len(), rises: rises.collect(), ties: Vec::new() }
+    }
+
+    /// That for K; `None` where K is 0 or more than there are demonstrations, or nothing is known.
+    pub fn at(&self, k: usize) -> Option<f64> {
+        let known = (1..=self.demonstrations).contains(&k);
+        let above = self.rises.partition_point(|rise| rise.k as usize <= k);
+        let alone = above.checked_sub(1).map_or(0.0, |last| self.rises[last].to);
+        let of_tie = |tie: &Tie| {
+            let places = k.saturating_sub(tie.first as usize).min(tie.among as usize);
+            tie.share * places as f64 / f64::from(tie.among)
+        };
+        known.then(|| alone + self.ties.iter().map(of_tie).sum::<f64>())
+    }
+}
+
+/// A place in half of the room.
+fn place_of(place: usize) -> u32 {
+    u32::try_from(place).unwrap_or(u32::MAX)
 }
 
 /// How probable it is to be among the K best, for one K.
@@ -140,10 +206,9 @@ impl Uncertainty {
 
     /// How probable each demonstration is among the K best; `None` where there is no such K, or this was read from a file.
     pub fn top(&self, k: usize) -> Option<Top> {
-        let place = k.checked_sub(1)?;
-        let among = |doubt: &Doubt| Some(InTop { demo: doubt.demo, probability: *doubt.top.get(place)? });
+        let among = |doubt: &Doubt| Some(InTop { demo: doubt.demo, probability: doubt.top.at(k)? });
         let demonstrations = self.demonstrations.iter().map(among).collect::<Option<_>>()?;
-        Some(Top { k, first_k: *self.top_set.get(place)?, demonstrations })
+        Some(Top { k, first_k: *self.top_set.get(k.checked_sub(1)?)?, demonstrations })
     }
 
     /// Which demonstrations to learn from, by their probabilities alone; the most suitable first, never none.
@@ -213,11 +278,11 @@ impl Uncertainty {
 pub fn uncertainty(table: &ScoreTable, resampling: &Resampling, seed: &Seed) -> Result<Uncertainty> {
     let (judged, repeats, evaluations) = judged(table)?;
     let draws = draw(&judged, evaluations, resampling, seed)?;
-    let top = top_probabilities(&draws);
+    let mut top = top_probabilities(&draws);
     let improves = share(&draws, |_| 0.0, |score, bar| score > bar);
     let near_best = share(&draws, between_median_and_best, |score, bar| score >= bar);
     let order = places(&judged);
-    let doubt = |&index: &usize| {
+    let mut doubt = |&index: &usize| {
         let (low, high) = interval(draws.iter().map(|draw| draw[index]).collect(), resampling.level);
         Doubt {
             demo: judged[index].demo,
@@ -226,11 +291,11 @@ pub fn uncertainty(table: &ScoreTable, resampling: &Resampling, seed: &Seed) -> 
             high,
             improves: improves[index],
             near_best: near_best[index],
-            top: top[index].clone(),
+            top: std::mem::take(&mut top[index]),
         }
     };
     let top_set = top_set_probabilities(&draws, &order);
-    let demonstrations: Vec<Doubt> = order.iter().map(doubt).collect();
+    let demonstrations: Vec<Doubt> = order.iter().map(&mut doubt).collect();
     let groups = groups(&draws, &order, resampling.level);
     let groups =
         groups.into_iter().map(|group| group.into_iter().map(|index| judged[index].demo).collect()).collect();
@@ -266,12 +331,14 @@ fn judged(table: &ScoreTable) -> Result<(Vec<Judged>, usize, usize)> {
             "the score table holds no scores; at least 1 repeat and 1 evaluation are needed",
         ));
     }
-    let (demos, variants) = (table.demos(), table.variants());
-    let mut judged = Vec::with_capacity(demos.len());
-    for demo in demos {
+    let variants = table.variants();
+    let mut by_demo: BTreeMap<DemoId, Vec<&Suitability>> = BTreeMap::new();
+    table.suitabilities.iter().for_each(|of| by_demo.entry(of.demo).or_default().push(of));
+    let mut judged = Vec::with_capacity(by_demo.len());
+    for (demo, found) in by_demo {
         let mut of_demo = Vec::with_capacity(variants.len());
         for &variant in &variants {
-            let mut found = table.of_demo(demo).filter(|s| s.variant == variant);
+            let mut found = found.iter().filter(|s| s.variant == variant).copied();
             let (Some(one), None) = (found.next(), found.next()) else {
                 return Err(Error::bad_input(format!(
                     "the score table must hold demonstration {demo} under variant {} exactly once",
@@ -334,7 +401,8 @@ fn draw(
 ) -> Result<Vec<Vec<Score>>> {
     let mut rng = seed.of("evaluations").into_rng();
     let variants = judged[0].variants.len();
-    let mut draws = vec![judged.iter().map(|judged| judged.gain).collect::<Vec<Score>>(); resampling.draws];
+    let gains = judged.iter().map(|judged| judged.gain).collect::<Vec<Score>>();
+    let mut draws = vec![gains; resampling.draws_of(judged.len())];
     for draw in &mut draws {
         for variant in 0..variants {
             let picks = resample(evaluations, &mut rng);
@@ -442,31 +510,46 @@ fn between_median_and_best(scores: &[Score]) -> Score {
     (median + best) / 2.0
 }
 
+/// Where a demonstration stood in a draw: it shares `among` places from `first` on, counted from 0, with those alike.
+#[derive(Clone, Copy)]
+struct Stood {
+    first: u32,
+    among: u32,
+}
+
 /// For each demonstration and each K from 1 the share of draws in which it is among the K best.
-fn top_probabilities(draws: &[Vec<Score>]) -> Vec<Vec<f64>> {
+fn top_probabilities(draws: &[Vec<Score>]) -> Vec<Chances> {
     let count = draws[0].len();
-    let mut at_place = vec![vec![0.0; count]; count];
+    let mut stood: Vec<Vec<Stood>> = vec![Vec::with_capacity(draws.len()); count];
     let mut order: Vec<usize> = (0..count).collect();
     for draw in draws {
         order.sort_unstable_by(|&a, &b| draw[b].total_cmp(&draw[a]));
         let mut first = 0;
         for tied in order.chunk_by(|&a, &b| draw[a] == draw[b]) {
-            let places = first..first + tied.len();
-            for &demonstration in tied {
-                let share = 1.0 / tied.len() as f64;
-                at_place[demonstration][places.clone()].iter_mut().for_each(|place| *place += share);
-            }
-            first = places.end;
+            let place = Stood { first: place_of(first), among: place_of(tied.len()) };
+            tied.iter().for_each(|&demonstration| stood[demonstration].push(place));
+            first += tied.len();
         }
     }
-    let cumulated = |places: Vec<f64>| {
-        let sums = places.into_iter().scan(0.0, |sum, share| {
-            *sum += share;
-            Some(*sum)
-        });
-        sums.map(|sum| sum / draws.len() as f64).collect()
-    };
-    at_place.into_iter().map(cumulated).collect()
+    stood.into_iter().map(|stood| chances(&stood, count)).collect()
+}
+
+fn chances(stood: &[Stood], demonstrations: usize) -> Chances {
+    let mut alone: BTreeMap<u32, usize> = BTreeMap::new();
+    let mut shared: BTreeMap<(u32, u32), usize> = BTreeMap::new();
+    for Stood { first, among } in stood {
+        match among {
+            1 => *alone.entry(*first).or_default() += 1,
+            _ => *shared.entry((*first, *among)).or_default() += 1,
+        }
+    }
+    let share = |count: usize| count as f64 / stood.len() as f64;
+    let rises = alone.into_iter().scan(0, |sum, (place, count)| {
+        *sum += count;
+        Some(Rise { k: place + 1, to: share(*sum) })
+    });
+    let ties = shared.into_iter().map(|((first, among), count)| Tie { first, among, share: share(count) });
+    Chances { demonstrations, rises: rises.collect(), ties: ties.collect() }
 }
 
 /// Indices from the most to the least suitable, ties by id.

@@ -48,6 +48,7 @@ mod chosen;
 mod judging;
 mod made_with;
 mod oracle;
+mod sparing;
 mod verdict;
 
 use serde::{Deserialize, Serialize};
@@ -89,6 +90,7 @@ pub(crate) use made_with::{
 pub use made_with::{budget, check_budget};
 pub(crate) use oracle::{OracleTraining, oracle_part, oracle_trainings, random_part};
 pub use oracle::{oracle, oracle_curve, policy_from_kept, random_subset};
+pub(crate) use sparing::FULL_EFFORT_UP_TO;
 pub(crate) use verdict::rest as rest_of_verdict;
 pub use verdict::{BEST, verdict};
 
@@ -136,6 +138,10 @@ pub struct CloningJudge {
     pub judging: Judging,
     /// The update.
     pub cloning: Cloning,
+    /// Each of so many demonstrations is judged as it says above. In a larger set each is imitated half as often, and at least
+    /// three times, before further repeats go to those near the cut, and by no more updates than go over its pairs 600 times.
+    #[serde(default = "sparing::full_effort_up_to")]
+    pub full_effort_up_to: usize,
 }
 
 /// What a run is about, and where it stores and tells what it finds.

@@ -7,7 +7,7 @@ use crate::learning::gail::Fitting;
 use crate::learning::mutual_information::{Credit, Paid, PosteriorFitting};
 use crate::learning::trpo::TrustRegion;
 use crate::results::panel::Judges;
-use crate::run::experiment::{CloningJudge, Config};
+use crate::run::experiment::{CloningJudge, Config, FULL_EFFORT_UP_TO};
 use crate::stages::imitate::Imitation;
 use crate::stages::judge::Judging;
 use crate::stages::meta_train::{MetaTraining, MutualInformation, Order};
@@ -94,6 +94,7 @@ impl Preset {
                     batch: 100,
                     curve_episodes: 0,
                 },
+                full_effort_up_to: FULL_EFFORT_UP_TO,
             },
             // ε: kept is what counts at least half as much as the mean.
             subset_selection: SubsetSelection {

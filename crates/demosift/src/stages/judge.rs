@@ -23,11 +23,12 @@ mod race;
 mod unit;
 
 pub use crew::{Crew, HandIn, JudgeUnit, ShareOfThreads, Threads};
-pub use unit::{Outcome, Unit, judge_unit};
+pub use unit::{Outcome, Unit, is_kept_whole, judge_unit};
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use collecting::Collecting;
@@ -92,8 +93,8 @@ pub struct Suitability {
     pub after: Vec<Vec<Score>>,
     /// How far the adapted agent's evaluation episodes are from v_i (Table 1), one per repeat, `[repeats]`.
     pub distances: Vec<f64>,
-    /// The adaptation curves, `[repeats][iterations]`; in a set of more than 200 demonstrations that of the first repeat alone,
-    /// and nothing for the others.
+    /// The adaptation curves, `[repeats][iterations]`; in a set of more than 200 demonstrations that of the first repeat of those
+    /// worth a look alone ([`look_at`]), and nothing for the others.
     pub curves: Vec<Vec<UpdateReport>>,
 }
 
@@ -113,7 +114,8 @@ pub struct AdaptedPolicy {
 pub struct Judged {
     /// S of all.
     pub scores: ScoreTable,
-    /// One per suitability, in the same order.
+    /// One per suitability, in the same order; in a set of more than 200 demonstrations of those worth a look alone
+    /// ([`look_at`]).
     pub adapted: Vec<AdaptedPolicy>,
 }
 
@@ -347,6 +349,32 @@ pub fn judge(
     Ok(assemble(trial, state))
 }
 
+/// Policies and curves of some demonstrations, where [`judge`] left them out since the set is large: their first repeats are made
+/// again, to the same bits.
+///
+/// # Errors
+/// Those of a unit, with its name.
+pub fn look_at(
+    trial: &Trial<'_>,
+    demos: &[DemoId],
+    state: &mut JudgingState,
+    observer: &mut dyn Observer,
+) -> Result<Judged> {
+    let is_bare = |unit: &Unit| state.finished.get(unit).is_some_and(|outcome| outcome.policy.is_none());
+    let first = |variant| demos.iter().map(move |demo| Unit { variant, repeat: 0, demo: Some(*demo) });
+    let variants = trial.playground.specification().variant_ids().into_iter();
+    let mut bare: Vec<Unit> = variants.flat_map(first).filter(is_bare).collect();
+    bare.sort_unstable();
+    let whole: Vec<Outcome> =
+        bare.par_iter().map(|unit| unit::judged_whole(trial, unit)).collect::<Result<_>>()?;
+    for (unit, mut outcome) in bare.into_iter().zip(whole) {
+        collecting::report(trial.part, &unit, &outcome, observer)?;
+        outcome.played += state.finished.get(&unit).map_or(0, |before| before.played);
+        state.finished.insert(unit, outcome);
+    }
+    Ok(assemble(trial, state))
+}
+
 /// Rounds of repeats: the first holds those that everybody gets, each further one holds a repeat of those still contested.
 fn rounds(judging: &Judging) -> usize {
     1 + judging.most_repeats.saturating_sub(judging.repeats)
@@ -445,8 +473,8 @@ fn assemble(trial: &Trial<'_>, state: &JudgingState) -> Judged {
                 curves: of_demo.iter().map(|outcome| outcome.curve.clone()).collect(),
             });
             let policy = of_demo.iter().find_map(|outcome| outcome.policy.clone());
-            let policy = policy.expect("the first repeat keeps its policy");
-            judged.adapted.push(AdaptedPolicy { demo, variant, policy });
+            assert!(policy.is_some() || !is_kept_whole(trial.set), "the first repeat keeps its policy");
+            judged.adapted.extend(policy.map(|policy| AdaptedPolicy { demo, variant, policy }));
         }
     }
     judged
@@ -477,7 +505,9 @@ impl Effort {
         starts_anew: bool,
     ) -> Self {
         let (variants, repeats) = (task.variants.len(), judging.repeats.max(judging.most_repeats));
-        let adaptations = demonstrations * repeats * variants;
+        let contested = race::most_contested(demonstrations).min(demonstrations);
+        let further = contested * (repeats - judging.repeats);
+        let adaptations = (demonstrations * judging.repeats + further) * variants;
         let starts = if starts_anew { repeats } else { 1 } * variants;
         let updates = adaptations * judging.iterations;
         let units = adaptations + starts;
@@ -486,6 +516,26 @@ impl Effort {
             updates,
             adapting_steps: (updates * inner.episodes(task.horizon) * task.horizon) as u64,
             evaluating_steps: (units * judging.episodes(task.horizon) * task.horizon) as u64,
+        }
+    }
+
+    /// With so many demonstrations looked at afterward, where the set is so large that [`judge`] leaves that out.
+    #[must_use]
+    pub fn and_looking_at(
+        self,
+        demos: usize,
+        task: &Specification,
+        judging: &Judging,
+        inner: &InnerUpdate,
+    ) -> Self {
+        let once = Judging { repeats: 1, most_repeats: 0, ..judging.clone() };
+        let of = |demos| Self::of(demos, task, &once, inner, false);
+        let (looked, start) = (of(demos), of(0));
+        Self {
+            units: self.units,
+            updates: self.updates + looked.updates,
+            adapting_steps: self.adapting_steps + looked.adapting_steps,
+            evaluating_steps: self.evaluating_steps + looked.evaluating_steps - start.evaluating_steps,
         }
     }
 

@@ -1,11 +1,13 @@
 //! Selecting demonstrations (§4.3 Eq. 9, §4.4, §5.2): a ranking by suitability, and its top K.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::basics::error::{Error, Result};
 use crate::data::demonstration::DemoId;
 use crate::math::statistics::mean_of;
-use crate::stages::judge::ScoreTable;
+use crate::stages::judge::{ScoreTable, Suitability};
 use crate::world::environment::EnvVariant;
 use crate::world::heuristic::Score;
 
@@ -149,20 +151,22 @@ pub fn rank_under(table: &ScoreTable, variant: EnvVariant) -> Ranking {
 }
 
 fn rank_where(table: &ScoreTable, counts: impl Fn(EnvVariant) -> bool) -> Ranking {
-    let mut entries: Vec<Ranked> =
-        table.demos().into_iter().filter_map(|demo| entry(table, demo, &counts)).collect();
+    let mut by_demo: BTreeMap<DemoId, Vec<&Suitability>> = BTreeMap::new();
+    for of in table.suitabilities.iter().filter(|of| counts(of.variant)) {
+        by_demo.entry(of.demo).or_default().push(of);
+    }
+    let mut entries: Vec<Ranked> = by_demo.into_iter().map(|(demo, found)| ranked(demo, &found)).collect();
     entries.sort_by(|a, b| b.gain.total_cmp(&a.gain).then(a.demo.cmp(&b.demo)));
     Ranking { entries }
 }
 
-fn entry(table: &ScoreTable, demo: DemoId, counts: &impl Fn(EnvVariant) -> bool) -> Option<Ranked> {
-    let of_demo: Vec<_> = table.of_demo(demo).filter(|s| counts(s.variant)).collect();
-    (!of_demo.is_empty()).then(|| Ranked {
+fn ranked(demo: DemoId, found: &[&Suitability]) -> Ranked {
+    Ranked {
         demo,
-        before: mean_of(of_demo.iter().map(|s| s.mean_before())),
-        after: mean_of(of_demo.iter().map(|s| s.mean_after())),
-        gain: mean_of(of_demo.iter().map(|s| s.gain())),
-    })
+        before: mean_of(found.iter().map(|of| of.mean_before())),
+        after: mean_of(found.iter().map(|of| of.mean_after())),
+        gain: mean_of(found.iter().map(|of| of.gain())),
+    }
 }
 
 /// The first K of a ranking (§5.2).

@@ -44,7 +44,7 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
         let episode = |index: usize| {
             let tables: Vec<(&str, Rows)> =
                 names.iter().zip(&parts).map(|(name, part)| (name.as_str(), part[index].clone())).collect();
-            side_by_side(&tables)
+            side_by_side(tables)
         };
         (0..count).map(episode).collect()
     };

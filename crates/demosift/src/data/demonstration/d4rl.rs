@@ -67,7 +67,10 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
     }
     let ends = read_ends(&root, steps, file_len)?;
     let complete = ends.last().copied().unwrap_or(0);
-    let episodes = split(&observations, &actions, &ends);
+    // A large set is in memory twice while it is split, and need not be there as a file too.
+    drop(root);
+    drop(file);
+    let episodes = split(observations, actions, &ends);
     Ok(Source { dropped_steps: steps - complete, ..Source::new(Format::D4rl, columns, episodes) })
 }
 
@@ -120,13 +123,16 @@ fn no_complete_episode(steps: usize, has_terminals: bool, has_timeouts: bool) ->
 }
 
 /// Cuts the tables after each of `ends`.
-fn split(observations: &Rows, actions: &Rows, ends: &[usize]) -> Vec<episode::Episode> {
-    let starts = std::iter::once(0).chain(ends.iter().copied());
-    let episodes = starts.zip(ends).enumerate().map(|(index, (start, &end))| {
-        let cut = |table| cut(table, start, end);
-        episode::Episode::new(index.to_string(), cut(observations), cut(actions), None)
-    });
-    episodes.collect()
+fn split(observations: Rows, actions: Rows, ends: &[usize]) -> Vec<episode::Episode> {
+    let starts = || std::iter::once(0).chain(ends.iter().copied());
+    // One table after the other, so that the first is gone when the second is split.
+    let [observations, actions] = [observations, actions]
+        .map(|table| starts().zip(ends).map(|(start, &end)| cut(&table, start, end)).collect::<Vec<_>>());
+    let both = observations.into_iter().zip(actions).enumerate();
+    both.map(|(index, (observations, actions))| {
+        episode::Episode::new(index.to_string(), observations, actions, None)
+    })
+    .collect()
 }
 
 fn cut(table: &Rows, start: usize, end: usize) -> Rows {

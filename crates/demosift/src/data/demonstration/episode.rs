@@ -382,9 +382,9 @@ impl Source {
 ///
 /// # Errors
 /// `is_bad_input` if one has another number of rows; names it.
-pub(super) fn side_by_side(tables: &[(&str, Rows)]) -> Result<Rows> {
+pub(super) fn side_by_side(mut tables: Vec<(&str, Rows)>) -> Result<Rows> {
     let (first_name, first) = tables.first().ok_or_else(|| Error::bad_input("no column to read"))?;
-    for (name, table) in tables {
+    for (name, table) in &tables {
         if table.len() != first.len() {
             return Err(Error::bad_input(format!(
                 "'{first_name}' has {} rows but '{name}' has {}; both must have one row a step",
@@ -393,12 +393,13 @@ pub(super) fn side_by_side(tables: &[(&str, Rows)]) -> Result<Rows> {
             )));
         }
     }
-    if let [(_, only)] = tables {
-        return Ok(only.clone());
+    let steps = first.len();
+    if tables.len() == 1 {
+        return Ok(tables.remove(0).1);
     }
     let width = tables.iter().map(|(_, table)| table.width()).sum();
-    let mut joined = Vec::with_capacity(width * first.len());
-    for step in 0..first.len() {
+    let mut joined = Vec::with_capacity(width * steps);
+    for step in 0..steps {
         tables.iter().for_each(|(_, table)| joined.extend_from_slice(table.row(step)));
     }
     Rows::from_flat(joined, width)

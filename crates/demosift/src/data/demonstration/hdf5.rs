@@ -192,7 +192,7 @@ pub(super) fn read_columns(group: &Group, names: &[String], file_len: u64) -> Re
         let dataset = find_below(group, column)?.map_or_else(|| Err(missing_below(group, column)?), Ok)?;
         Ok((name.as_str(), named.part_of(read_table(&dataset, column, file_len)?)?))
     });
-    side_by_side(&parts.collect::<Result<Vec<_>>>()?)
+    side_by_side(parts.collect::<Result<Vec<_>>>()?)
 }
 
 /// Steps and numbers a step of a dataset of numbers that the file can hold.

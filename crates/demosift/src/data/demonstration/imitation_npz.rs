@@ -65,5 +65,5 @@ fn starts(indices: &[i64], actions: usize) -> Result<Vec<usize>> {
 
 fn table(file: &mut Npz, names: &[String]) -> Result<Rows> {
     let parts = names.iter().map(|name| Ok((name.as_str(), npz::table(file, name)?)));
-    side_by_side(&parts.collect::<Result<Vec<_>>>()?)
+    side_by_side(parts.collect::<Result<Vec<_>>>()?)
 }

@@ -158,7 +158,7 @@ impl Table {
             let named = if self.find(name).is_empty() { Named::new(name) } else { Named::new_whole(name) };
             Ok((name.as_str(), named.part_of(self.floats(named.column)?)?))
         });
-        side_by_side(&tables.collect::<Result<Vec<_>>>()?)
+        side_by_side(tables.collect::<Result<Vec<_>>>()?)
     }
 
     fn floats(&self, name: &str) -> Result<Rows> {

@@ -56,5 +56,5 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
 
 fn table(file: &mut Npz, names: &[String]) -> Result<Rows> {
     let parts = names.iter().map(|name| Ok((name.as_str(), npz::table(file, name)?)));
-    side_by_side(&parts.collect::<Result<Vec<_>>>()?)
+    side_by_side(parts.collect::<Result<Vec<_>>>()?)
 }

@@ -7,4 +7,4 @@ mod ridge;
 pub use conjugate_gradient::conjugate_gradient;
 pub use line_search::backtrack;
 pub use ridge::ridge;
-pub(crate) use ridge::ridge_columns;
+pub(crate) use ridge::{NormalEquations, ridge_columns};

@@ -40,56 +40,118 @@ pub(crate) fn ridge_columns(features: &Rows, targets: &Rows, ridge: f64) -> Resu
     if !(ridge > 0.0 && ridge.is_finite()) {
         return Err(Error::bad_config(format!("the ridge must be a positive number, got {ridge}")));
     }
-    let (gram, moments) = normal_equations(features, targets);
-    let mut lambda = ridge;
-    for _ in 0..=ATTEMPTS {
-        let columns = moments.iter().map(|moments| solve(gram.clone(), moments, lambda));
-        if let Some(weights) = columns.collect() {
-            return Ok(weights);
+    NormalEquations::of(features, targets).weights(ridge)
+}
+
+/// What a linear regression knows of its rows: XᵀX and XᵀY. It can be added up over tables, and a table taken out again.
+#[derive(Clone, Debug)]
+pub(crate) struct NormalEquations {
+    rows: usize,
+    /// XᵀX, `[width, width]`.
+    gram: Vec<f64>,
+    /// XᵀY, `[width, columns]`.
+    moments: Vec<f64>,
+    columns: usize,
+}
+
+impl NormalEquations {
+    /// Of no rows at all, with so many features and columns of targets.
+    pub(crate) fn empty(width: usize, columns: usize) -> Self {
+        Self { rows: 0, gram: vec![0.0; width * width], moments: vec![0.0; width * columns], columns }
+    }
+
+    /// Of features `[len, width]` and targets `[len, columns]`.
+    pub(crate) fn of(features: &Rows, targets: &Rows) -> Self {
+        let mut equations = Self::empty(features.width(), targets.width());
+        equations.add_rows(features, targets);
+        equations
+    }
+
+    /// How many rows there are.
+    pub(crate) fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Adds further rows.
+    pub(crate) fn add_rows(&mut self, features: &Rows, targets: &Rows) {
+        let (width, columns) = (features.width(), targets.width());
+        let (mut x, mut y) = (Vec::new(), Vec::new());
+        let blocks =
+            features.flat().chunks(BLOCK * width.max(1)).zip(targets.flat().chunks(BLOCK * columns.max(1)));
+        for (features, targets) in blocks {
+            x.clear();
+            x.extend(features.iter().map(|value| f64::from(*value)));
+            y.clear();
+            y.extend(targets.iter().map(|value| f64::from(*value)));
+            let len = y.len() / columns;
+            let rows = Matrix::new(&x, len, width);
+            product(rows.transposed(), rows, &mut self.gram, Target::Add);
+            product(rows.transposed(), Matrix::new(&y, len, columns), &mut self.moments, Target::Add);
         }
-        lambda *= 10.0;
+        self.rows += features.len();
     }
-    Err(Error::diverged(format!(
-        "the linear regression on {} rows of {} features has no finite solution, even with a ridge of {lambda:e}",
-        features.len(),
-        features.width()
-    )))
+
+    /// Adds the rows of another, which has as many features and columns.
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.rows += other.rows;
+        self.gram.iter_mut().zip(&other.gram).for_each(|(sum, value)| *sum += value);
+        self.moments.iter_mut().zip(&other.moments).for_each(|(sum, value)| *sum += value);
+    }
+
+    /// What is left when the rows of another are taken out, which are among these.
+    pub(crate) fn without(&self, other: &Self) -> Self {
+        let less = |all: &[f64], part: &[f64]| all.iter().zip(part).map(|(all, part)| all - part).collect();
+        Self {
+            rows: self.rows - other.rows,
+            gram: less(&self.gram, &other.gram),
+            moments: less(&self.moments, &other.moments),
+            columns: self.columns,
+        }
+    }
+
+    /// The weights of each column, `[columns][width]`, as [`ridge`] finds them.
+    ///
+    /// # Errors
+    /// Divergence if no λ helps.
+    pub(crate) fn weights(&self, ridge: f64) -> Result<Vec<Vec<f64>>> {
+        let width = self.moments.len() / self.columns.max(1);
+        let column =
+            |column: usize| self.moments.iter().skip(column).step_by(self.columns).copied().collect();
+        let moments: Vec<Vec<f64>> = (0..self.columns).map(column).collect();
+        let mut lambda = ridge;
+        for _ in 0..=ATTEMPTS {
+            let factor = factor(self.gram.clone(), width, lambda);
+            let columns = moments.iter().map(|moments| substituted(factor.as_ref()?, moments));
+            if let Some(weights) = columns.collect() {
+                return Ok(weights);
+            }
+            lambda *= 10.0;
+        }
+        Err(Error::diverged(format!(
+            "the linear regression on {} rows of {width} features has no finite solution, even with a ridge of {lambda:e}",
+            self.rows
+        )))
+    }
 }
 
-/// XᵀX `[width, width]` and Xᵀy of each column, `[columns][width]`.
-fn normal_equations(features: &Rows, targets: &Rows) -> (Vec<f64>, Vec<Vec<f64>>) {
-    let (width, columns) = (features.width(), targets.width());
-    let (mut gram, mut moments) = (vec![0.0; width * width], vec![0.0; width * columns]);
-    let (mut x, mut y) = (Vec::new(), Vec::new());
-    let blocks =
-        features.flat().chunks(BLOCK * width.max(1)).zip(targets.flat().chunks(BLOCK * columns.max(1)));
-    for (features, targets) in blocks {
-        x.clear();
-        x.extend(features.iter().map(|value| f64::from(*value)));
-        y.clear();
-        y.extend(targets.iter().map(|value| f64::from(*value)));
-        let len = y.len() / columns;
-        let rows = Matrix::new(&x, len, width);
-        product(rows.transposed(), rows, &mut gram, Target::Add);
-        product(rows.transposed(), Matrix::new(&y, len, columns), &mut moments, Target::Add);
-    }
-    let column = |column: usize| moments.iter().skip(column).step_by(columns).copied().collect();
-    (gram, (0..columns).map(column).collect())
-}
-
-/// (gram + λI)⁻¹ moments by Cholesky's factorization; `None` where the matrix is not safely positive definite.
-fn solve(mut gram: Vec<f64>, moments: &[f64], lambda: f64) -> Option<Vec<f64>> {
-    let width = moments.len();
+/// L with L Lᵀ = gram + λI by Cholesky's factorization; `None` where that is not safely positive definite.
+fn factor(mut gram: Vec<f64>, width: usize, lambda: f64) -> Option<Vec<f64>> {
     (0..width).for_each(|i| gram[i * width + i] += lambda);
     factorize(&mut gram, width)?;
+    Some(gram)
+}
+
+/// (L Lᵀ)⁻¹ moments; `None` where that is not finite.
+fn substituted(factor: &[f64], moments: &[f64]) -> Option<Vec<f64>> {
+    let width = moments.len();
     let mut weights = moments.to_vec();
     for i in 0..width {
-        let known: f64 = (0..i).map(|k| gram[i * width + k] * weights[k]).sum();
-        weights[i] = (weights[i] - known) / gram[i * width + i];
+        let known: f64 = (0..i).map(|k| factor[i * width + k] * weights[k]).sum();
+        weights[i] = (weights[i] - known) / factor[i * width + i];
     }
     for i in (0..width).rev() {
-        let known: f64 = (i + 1..width).map(|k| gram[k * width + i] * weights[k]).sum();
-        weights[i] = (weights[i] - known) / gram[i * width + i];
+        let known: f64 = (i + 1..width).map(|k| factor[k * width + i] * weights[k]).sum();
+        weights[i] = (weights[i] - known) / factor[i * width + i];
     }
     weights.iter().all(|weight| weight.is_finite()).then_some(weights)
 }

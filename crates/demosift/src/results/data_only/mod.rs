@@ -107,13 +107,16 @@ const SMALLEST_SPREAD: f64 = 1e-6;
 fn standardized(tables: &[&Rows]) -> Vec<Rows> {
     let width = tables.first().map_or(0, |table| table.width());
     let count = tables.iter().map(|table| table.len()).sum::<usize>() as f64;
-    let mean_of = |number: &dyn Fn(&[f32], usize) -> f64| -> Vec<f64> {
-        let sum =
-            |column| tables.iter().flat_map(|table| table.iter()).map(|row| number(row, column)).sum::<f64>();
-        (0..width).map(|column| sum(column) / count).collect()
+    let mean_of = |number: &dyn Fn(f64, usize) -> f64| -> Vec<f64> {
+        let mut sums = vec![0.0; width];
+        for row in tables.iter().flat_map(|table| table.iter()) {
+            let values = row.iter().enumerate().map(|(column, &value)| number(f64::from(value), column));
+            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+        }
+        sums.into_iter().map(|sum| sum / count).collect()
     };
-    let means = mean_of(&|row, column| f64::from(row[column]));
-    let variances = mean_of(&|row, column| (f64::from(row[column]) - means[column]).powi(2));
+    let means = mean_of(&|value, _| value);
+    let variances = mean_of(&|value, column| (value - means[column]).powi(2));
     let varies = |column: &usize| variances[*column].sqrt() > SMALLEST_SPREAD * means[*column].abs().max(1.0);
     let columns: Vec<usize> = (0..width).filter(varies).collect();
     let standardize = |table: &&Rows| {

@@ -35,28 +35,39 @@ const CLIPPED: f64 = 0.01;
 /// where there are too few pairs for neighbors.
 pub fn mutual_information(set: &DemonstrationSet) -> Result<Option<Vec<f64>>> {
     let (states, actions) = (standard_observations(set), standard_actions(set));
-    let total: usize = states.iter().map(Rows::len).sum();
+    // One group of a set that is not large. Neighbors of a group are as good as those of the whole set: each is a part of it,
+    // evenly spread, and as many pairs as are compared at most.
+    let groups = set.len().div_ceil(MOST_PAIRS);
+    let mut means = vec![0.0; set.len()];
+    for group in 0..groups {
+        let members: Vec<usize> = (group..set.len()).step_by(groups).collect();
+        let Some(found) = of_group(&states, &actions, &members) else { return Ok(None) };
+        members.iter().zip(found).for_each(|(&member, mean)| means[member] = mean);
+    }
+    Ok(Some(means))
+}
+
+/// The same for some of the demonstrations, whose pairs are compared with each other alone.
+fn of_group(states: &[Rows], actions: &[Rows], members: &[usize]) -> Option<Vec<f64>> {
+    let total: usize = members.iter().map(|&member| states[member].len()).sum();
     let stride = total.div_ceil(MOST_PAIRS).max(1);
-    let (mut of, mut s, mut a) =
-        (Vec::new(), Rows::with_capacity(states[0].width(), 0), Rows::with_capacity(actions[0].width(), 0));
-    for (demonstration, (states, actions)) in states.iter().zip(&actions).enumerate() {
-        for step in (0..states.len()).step_by(stride) {
-            of.push(demonstration);
-            s.push(states.row(step));
-            a.push(actions.row(step));
+    let (mut s, mut a) =
+        (Rows::with_capacity(states[0].width(), 0), Rows::with_capacity(actions[0].width(), 0));
+    let mut ends = Vec::with_capacity(members.len());
+    for &member in members {
+        for step in (0..states[member].len()).step_by(stride) {
+            s.push(states[member].row(step));
+            a.push(actions[member].row(step));
         }
+        ends.push(s.len());
     }
     let [.., most] = NEIGHBORS;
-    if s.width() == 0 || a.width() == 0 || of.len() <= most {
-        return Ok(None);
+    if s.width() == 0 || a.width() == 0 || s.len() <= most {
+        return None;
     }
     let contributions = clipped(contributions(&s, &a));
-    let mean = |demonstration: usize| {
-        let own: Vec<f64> =
-            of.iter().zip(&contributions).filter(|(of, _)| **of == demonstration).map(|(_, i)| *i).collect();
-        statistics::mean(&own)
-    };
-    Ok(Some((0..set.len()).map(mean).collect()))
+    let starts = [0].into_iter().chain(ends.iter().copied());
+    Some(starts.zip(&ends).map(|(start, &end)| statistics::mean(&contributions[start..end])).collect())
 }
 
 /// i of every pair, the mean over k; their mean estimates I(S; A) in nats.

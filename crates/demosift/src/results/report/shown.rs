@@ -6,7 +6,7 @@ use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemoId;
 use crate::data::trajectory::StateLog;
-use crate::stages::judge::{self, Judged, Judging, ScoreTable};
+use crate::stages::judge::{self, Judged, Judging, ScoreTable, Suitability};
 use crate::stages::select::Ranking;
 use crate::world::environment::{EnvVariant, Rollout};
 use crate::world::heuristic::Score;
@@ -40,8 +40,8 @@ pub struct Shown {
 }
 
 /// Of so many demonstrations all are looked at.
-const ALL: usize = 40;
-/// Of more these are: so many of the best, so many of the worst, and for the rest of [`ALL`] those nearest to the cut.
+pub const MOST_WORTH_A_LOOK: usize = 40;
+/// Of more these are: so many of the best, so many of the worst, and for the rest of [`MOST_WORTH_A_LOOK`] those nearest to the cut.
 const BEST: usize = 8;
 const WORST: usize = 4;
 
@@ -54,13 +54,13 @@ pub fn worth_a_look(ranking: &Ranking, kept: usize) -> Vec<DemoId> {
     let from_cut = |place: usize| (2 * place + 1).abs_diff(2 * kept);
     let mut places: Vec<usize> = (0..count).collect();
     places.sort_by_key(|&place| (!is_at_an_end(place), from_cut(place), place));
-    places.truncate(ALL);
+    places.truncate(MOST_WORTH_A_LOOK);
     places.sort_unstable();
     places.into_iter().map(|place| ranking.entries[place].demo).collect()
 }
 
 /// For each variant the agent before, then the agent after each of these demonstrations, on the most typical of the evaluation
-/// seeds; nothing where the task has no simulator.
+/// seeds; nothing where the task has no simulator, or of demonstrations whose policies were not kept, in a large set.
 ///
 /// `start` is the policy that the first repeats started from, and `seed` is that of judging.
 ///
@@ -79,7 +79,10 @@ pub fn agent_episodes(
     for variant in playground.specification().variant_ids() {
         let evaluation = typical_evaluation(scores, variant);
         let look = Look { playground, judging, variant, evaluation, seed };
-        let both = scores.suitabilities.iter().zip(adapted);
+        let both = adapted.iter().filter_map(|adapted| {
+            let is_of = |of: &&Suitability| of.demo == adapted.demo && of.variant == adapted.variant;
+            Some((scores.suitabilities.iter().find(is_of)?, adapted))
+        });
         for (of, adapted) in both.filter(|(of, _)| of.variant == variant && demos.contains(&of.demo)) {
             if shown.last().is_none_or(|last: &Shown| last.variant != variant) {
                 shown.extend(look.at(Moment::Before, start, of.before[0][evaluation])?);

@@ -115,7 +115,8 @@ fn top_k_probabilities_are_those_of_exact_enumeration() {
     let resampling = Resampling { draws: 40_000, ..Resampling::default() };
     let found = uncertainty(&table, &resampling, &Seed::new(5)).unwrap();
     for doubt in &found.demonstrations {
-        for (found, exact) in doubt.top.iter().zip(&exact[doubt.demo.0]) {
+        for (k, exact) in (1..=3).zip(&exact[doubt.demo.0]) {
+            let found = doubt.top.at(k).unwrap();
             assert!((found - exact).abs() < 0.01, "{doubt:?}, {exact}");
         }
     }
@@ -129,7 +130,7 @@ fn the_probability_to_be_best_is_that_of_the_closed_form() {
     let found = uncertainty(&table, &resampling, &Seed::new(5)).unwrap();
     // Standard errors of the means of 1 and 2, and of 0.8 and 1.2.
     let exact = 0.5 + (0.5 / (0.5 + 0.2_f64)).atan() / std::f64::consts::PI;
-    assert!((found.of(DemoId(0)).unwrap().top[0] - exact).abs() < 0.01, "{exact}");
+    assert!((found.of(DemoId(0)).unwrap().top.at(1).unwrap() - exact).abs() < 0.01, "{exact}");
     assert!((found.top_set[0] - exact).abs() < 0.01);
 }
 
@@ -159,8 +160,9 @@ fn the_same_demonstration_twice_shares_its_places() {
     let scores = vec![vec![1.0, 2.0], vec![3.0, 2.5]];
     let table = table(&[scores.clone(), scores, vec![vec![-9.0, -9.5], vec![-9.2, -9.1]]]);
     let found = uncertainty(&table, &Resampling::default(), &Seed::new(1)).unwrap();
-    assert_eq!(found.of(DemoId(0)).unwrap().top[0], 0.5);
-    assert_eq!(found.of(DemoId(1)).unwrap().top, [0.5, 1.0, 1.0]);
+    assert_eq!(found.of(DemoId(0)).unwrap().top.at(1).unwrap(), 0.5);
+    let top = &found.of(DemoId(1)).unwrap().top;
+    assert_eq!([0, 1, 2, 3, 4].map(|k| top.at(k)), [None, Some(0.5), Some(1.0), Some(1.0), None]);
     assert_eq!(found.groups, [vec![DemoId(0), DemoId(1)], vec![DemoId(2)]]);
 }
 
@@ -176,13 +178,47 @@ fn the_order_is_that_of_the_ranking_and_the_sums_are_right() {
     for (doubt, ranked) in found.demonstrations.iter().zip(&ranking.entries) {
         assert_eq!((doubt.demo, doubt.gain), (ranked.demo, ranked.gain));
         assert!(doubt.low < doubt.gain && doubt.gain < doubt.high);
-        assert!(doubt.top.is_sorted());
+        assert!((1..=4).map(|k| doubt.top.at(k).unwrap()).is_sorted());
     }
     for k in 1..=4 {
         // K of them are among the K best, in every draw.
-        let sum: f64 = found.demonstrations.iter().map(|doubt| doubt.top[k - 1]).sum();
+        let sum: f64 = found.demonstrations.iter().map(|doubt| doubt.top.at(k).unwrap()).sum();
         assert!((sum - k as f64).abs() < 1e-9);
     }
+}
+
+/// For each demonstration the share of draws in which fewer than K are above it, counted draw by draw.
+#[test]
+fn chances_are_the_shares_of_draws_for_every_k() {
+    let mut rng = Seed::new(9).into_rng();
+    let draw = |_| (0..30).map(|_| StandardNormal.sample(&mut rng)).collect::<Vec<f64>>();
+    let draws: Vec<Vec<f64>> = (0..50).map(draw).collect();
+    for (demo, chances) in top_probabilities(&draws).iter().enumerate() {
+        for k in 1..=30 {
+            let above = |draw: &&Vec<f64>| draw.iter().filter(|score| **score > draw[demo]).count() < k;
+            assert_eq!(chances.at(k), Some(draws.iter().filter(above).count() as f64 / 50.0));
+        }
+    }
+}
+
+/// All alike, and a first: each of the others has the same share of the places that are left.
+#[test]
+fn those_alike_share_their_places_however_many_they_are() {
+    let draw: Vec<f64> = (0..2000).map(|demo| if demo == 7 { 1.0 } else { 0.0 }).collect();
+    let chances = top_probabilities(&vec![draw; 20]);
+    assert_eq!([1, 2, 2000].map(|k| chances[7].at(k)), [Some(1.0); 3]);
+    assert_eq!(chances[0].at(1), Some(0.0));
+    for k in [2, 1000, 2000] {
+        let share = (k - 1) as f64 / 1999.0;
+        assert!((chances[0].at(k).unwrap() - share).abs() < 1e-12, "{k}");
+    }
+}
+
+#[test]
+fn a_large_set_is_drawn_less_often_and_never_less_than_a_thousand_times() {
+    let draws = |count| Resampling::default().draws_of(count);
+    assert_eq!([2, 100, 2500, 5000, 10_000, 1_000_000].map(draws), [4000, 4000, 4000, 2000, 1000, 1000]);
+    assert_eq!(Resampling { draws: 10, ..Resampling::default() }.draws_of(1_000_000), 10);
 }
 
 /// Differences of 0.3 between neighbors drown in a noise of 0.14 a mean; differences of 0.6 and more do not.

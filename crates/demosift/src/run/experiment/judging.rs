@@ -1,5 +1,7 @@
 //! DemonstrationSet → MetaPrior → ScoreTable → Panel: each judge that is asked, and what they say together.
 
+use std::collections::BTreeSet;
+
 use super::made_with::{
     JudgedBy, Preparation, check_budget, information, judged_by, learning_by, learning_seed, preparation,
 };
@@ -10,16 +12,19 @@ use super::{
 use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::basics::seed::Seed;
+use crate::data::demonstration::DemoId;
 use crate::data::likeness::TrainedOn;
 use crate::data::observation_filter::ObservationFilter;
 use crate::learning::adapt::{self, Learner, MetaPrior};
 use crate::results::artifact::Artifact;
 use crate::results::panel::{self, Found, Judge, Judges, Opinion, Panel};
+use crate::results::report;
 use crate::stages::judge::{
     self, Crew, Judged, Judging, JudgingState, ScoreTable, ShareOfThreads, Start, Threads, Trial,
 };
 use crate::stages::meta_train::{self, MetaState, MetaTraining};
 use crate::stages::pre_train::{self, PreTrainState, PreTraining};
+use crate::stages::select;
 use crate::world::environment::EnvVariant;
 use crate::world::policy::Policy;
 
@@ -154,9 +159,21 @@ fn judged(run: &mut Run<'_>, judge: Judge, start: Start<'_>) -> Result<ScoreTabl
         Checkpointing::begin(*ledger, *observer, playground, judge::STAGE, part, anew)?;
     others.into_iter().for_each(|other| state.take_over(other));
     let trial = Trial { set, playground, start, inner, judging, cut, part, seed: &seed };
-    let judged = judge::judge(&trial, crew, &mut state, &mut checkpointing)?;
+    let mut judged = judge::judge(&trial, crew, &mut state, &mut checkpointing)?;
+    if judged.adapted.len() < judged.scores.suitabilities.len() {
+        let demos = worth_a_look(&judged.scores, cut);
+        judged = judge::look_at(&trial, &demos, &mut state, &mut checkpointing)?;
+    }
     checkpointing.finish_having(state.played(), part, &judged)?;
     Ok(judged.scores)
+}
+
+/// Which demonstrations a report looks at, over all goals and under each of them.
+fn worth_a_look(scores: &ScoreTable, kept: usize) -> Vec<DemoId> {
+    let under = scores.variants().into_iter().map(|variant| select::rank_under(scores, variant));
+    let rankings = [select::rank(scores)].into_iter().chain(under);
+    let demos = rankings.flat_map(|ranking| report::worth_a_look(&ranking, kept));
+    demos.collect::<BTreeSet<_>>().into_iter().collect()
 }
 
 /// The random numbers of a judge.

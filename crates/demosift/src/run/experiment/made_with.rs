@@ -5,17 +5,19 @@
 
 use std::borrow::Cow;
 
-use super::{Config, Run};
+use super::{Config, Run, sparing};
 use crate::basics::error::Result;
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemonstrationSet;
 use crate::learning::adapt::{InnerUpdate, Rule};
 use crate::results::panel::Judge;
+use crate::results::report;
 use crate::stages::judge::{self, Judging};
 use crate::stages::meta_train::{Learning, MetaTraining, MutualInformation};
 use crate::stages::method::{self, Asked, Budget, Method};
 use crate::stages::pre_train::PreTraining;
 use crate::stages::subset_selection::{self, Means};
+use crate::world::environment::Specification;
 use crate::world::rollout::Playground;
 
 /// How the run's method spends its budget.
@@ -90,7 +92,7 @@ pub(crate) fn judged_by<'a>(run: &Run<'a>, judge: Judge) -> JudgedBy<'a> {
     let config = run.config;
     match judge {
         Judge::Cloning => JudgedBy {
-            judging: config.cloning_judge.judging.clone(),
+            judging: sparing::judging(&config.cloning_judge, run.set),
             inner: Cow::Owned(cloning_update(config)),
             starts_anew: true,
         },
@@ -106,8 +108,21 @@ impl JudgedBy<'_> {
     /// What judging the set of a run takes at most.
     pub(crate) fn effort(&self, run: &Run<'_>) -> judge::Effort {
         let task = run.playground.specification();
-        judge::Effort::of(run.set.len(), task, &self.judging, &self.inner, self.starts_anew)
+        let effort = judge::Effort::of(run.set.len(), task, &self.judging, &self.inner, self.starts_anew);
+        if judge::is_kept_whole(run.set) {
+            return effort;
+        }
+        effort.and_looking_at(most_looked_at(run.set, task), task, &self.judging, &self.inner)
     }
+}
+
+/// How many demonstrations of a large set are looked at afterward, at most: over all goals and under each of them.
+fn most_looked_at(set: &DemonstrationSet, task: &Specification) -> usize {
+    let rankings = match task.variants.len() {
+        1 => 1,
+        variants => 1 + variants,
+    };
+    set.len().min(rankings * report::MOST_WORTH_A_LOOK)
 }
 
 /// The inner update of the judge by behavioral cloning.

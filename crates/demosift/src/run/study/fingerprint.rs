@@ -6,7 +6,7 @@ use serde_json::Value;
 use super::Work;
 use crate::basics::files;
 use crate::results::panel::Judges;
-use crate::run::experiment::Config;
+use crate::run::experiment::{Config, FULL_EFFORT_UP_TO};
 
 /// What a cell was made with.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -35,6 +35,9 @@ impl Fingerprint {
     }
 }
 
+/// The value that says up to which size of a set nothing is spared.
+const FULL_EFFORT: &str = "full_effort_up_to";
+
 /// The hash of the values that enter some work; imitator and seed stand in the work itself.
 pub fn hash_of_entering(work: &Work, config: &Config) -> String {
     let mut values = serde_json::to_value(config).expect("a configuration is plain data");
@@ -42,6 +45,12 @@ pub fn hash_of_entering(work: &Work, config: &Config) -> String {
         fields.retain(|key, _| enters(work, config.judges, key));
         if let Some(Value::Object(update)) = fields.get_mut("imitate").and_then(|of| of.get_mut("update")) {
             update.remove("imitation");
+        }
+        // Cells of before this value was there are still right: all were of smaller sets, of which it changes nothing.
+        if let Some(Value::Object(judge)) = fields.get_mut("cloning_judge")
+            && judge.get(FULL_EFFORT) == Some(&Value::from(FULL_EFFORT_UP_TO))
+        {
+            judge.remove(FULL_EFFORT);
         }
     }
     files::sha256_of(values.to_string().as_bytes())

@@ -11,7 +11,7 @@ use crate::basics::observer::{Event, Observer};
 /// number of units ...
 const GROWTH: usize = 16;
 
-/// ... or when so many environment steps were played since then for each unit that is written: a unit takes about 14 kB,
+/// ... or when so many environment steps were played since then for each unit that is written: a unit takes up to 14 kB,
 /// and the quickest simulator a millisecond for these steps, so that writing takes a small share of the time.
 /// A unit that took long is thus stored as soon as it is finished.
 const STEPS_PER_WRITTEN_UNIT: u64 = 30;
@@ -87,7 +87,12 @@ impl<'a> Collecting<'a> {
     }
 }
 
-fn report(judging: &str, unit: &Unit, outcome: &Outcome, observer: &mut dyn Observer) -> Result<()> {
+pub(super) fn report(
+    judging: &str,
+    unit: &Unit,
+    outcome: &Outcome,
+    observer: &mut dyn Observer,
+) -> Result<()> {
     let Some(demo) = unit.demo else { return Ok(()) };
     let unit = format!("variant {} demonstration {demo} repeat {}", unit.variant.0, unit.repeat);
     let part = if judging.is_empty() { unit } else { format!("{judging} {unit}") };

@@ -27,6 +27,7 @@ pub(super) struct Race {
 }
 
 /// Who may still belong to either side of the cut, ascending; `means` holds the scores of each demonstration, one per repeat.
+/// In a large set those nearest to the cut.
 ///
 /// Nobody is sure of a side before all have two repeats.
 pub(super) fn contested(means: &[Vec<f64>], race: &Race) -> Vec<usize> {
@@ -38,14 +39,49 @@ pub(super) fn contested(means: &[Vec<f64>], race: &Race) -> Vec<usize> {
         return all;
     }
     let intervals = intervals(means, race);
-    let others = |index: usize| intervals.iter().enumerate().filter(move |(other, _)| *other != index);
+    let ascending = |end: fn(&Interval) -> f64| {
+        let mut ends: Vec<f64> = intervals.iter().map(end).collect();
+        ends.sort_unstable_by(f64::total_cmp);
+        ends
+    };
+    let (lows, highs) = (ascending(|of| of.low), ascending(|of| of.high));
     let is_open = |index: &usize| {
         let own = intervals[*index];
-        let maybe_above = others(*index).filter(|(_, other)| other.high >= own.low).count();
-        let surely_above = others(*index).filter(|(_, other)| other.low > own.high).count();
+        // The highs count its own, which is above its low.
+        let maybe_above = highs.len() - 1 - highs.partition_point(|high| *high < own.low);
+        let surely_above = lows.len() - lows.partition_point(|low| *low <= own.high);
         maybe_above >= race.cut && surely_above < race.cut
     };
-    all.into_iter().filter(is_open).collect()
+    nearest(means, all.into_iter().filter(is_open).collect(), race.cut)
+}
+
+/// Of a small set everybody who is contested gets a further repeat ...
+const FEW: usize = 100;
+/// ... and of a larger one so large a share of the set.
+const SHARE: usize = 10;
+
+/// How many of a set get further repeats at most.
+///
+/// In a large set nearly all are contested, as intervals are wide that hold for a thousand at once, and one more repeat of
+/// everybody decides little.
+pub(super) fn most_contested(demonstrations: usize) -> usize {
+    FEW.max(demonstrations.div_ceil(SHARE))
+}
+
+/// Of those contested the nearest to the cut, as many as get further repeats at most; ascending.
+fn nearest(means: &[Vec<f64>], mut contested: Vec<usize>, cut: usize) -> Vec<usize> {
+    let most = most_contested(means.len());
+    if contested.len() > most {
+        let centers: Vec<f64> = means.iter().map(|repeats| mean(repeats)).collect();
+        let mut descending = centers.clone();
+        descending.sort_unstable_by(|one, other| other.total_cmp(one));
+        let border = (descending[cut.max(1) - 1] + descending[cut]) / 2.0;
+        let away = |index: usize| (centers[index] - border).abs();
+        contested.sort_by(|&one, &other| away(one).total_cmp(&away(other)).then(one.cmp(&other)));
+        contested.truncate(most);
+        contested.sort_unstable();
+    }
+    contested
 }
 
 #[derive(Clone, Copy)]
@@ -121,6 +157,41 @@ mod tests {
             raced.wrong += usize::from(order[..cut].iter().any(misplaced));
         }
         raced
+    }
+
+    /// Sure of nothing: scores that rise evenly, with a spread as wide as the set.
+    #[test]
+    fn of_a_large_set_those_nearest_to_the_cut_get_further_repeats() {
+        let wide = |count: usize| -> Vec<Vec<f64>> {
+            (0..count).map(|index| vec![index as f64 - 1e4, index as f64 + 1e4]).collect()
+        };
+        let race = |cut| Race { cut, looks: 1, level: 0.9 };
+        assert_eq!(contested(&wide(100), &race(25)), (0..100).collect::<Vec<_>>(), "all of a small set");
+        // The best 500 of 2000 are those from 1500 on.
+        assert_eq!(contested(&wide(2000), &race(500)), (1400..1600).collect::<Vec<_>>());
+        assert_eq!(contested(&wide(500), &race(1)), (400..500).collect::<Vec<_>>());
+    }
+
+    /// The definition, pair by pair.
+    #[test]
+    fn who_is_contested_is_counted_as_defined() {
+        let normal = Normal::new(0.0, 1.0).expect("a spread of one");
+        let mut rng = Seed::new(8).into_rng();
+        let mut repeats = |worth: f64| (0..3).map(|_| worth + normal.sample(&mut rng)).collect::<Vec<f64>>();
+        let means: Vec<Vec<f64>> = (0..60).map(|index| repeats(f64::from(index))).collect();
+        for cut in [1, 7, 30, 59] {
+            let race = Race { cut, looks: 2, level: 0.9 };
+            let intervals = intervals(&means, &race);
+            let is_open = |index: &usize| {
+                let own = intervals[*index];
+                let others = || intervals.iter().enumerate().filter(|(other, _)| other != index);
+                others().filter(|(_, other)| other.high >= own.low).count() >= cut
+                    && others().filter(|(_, other)| other.low > own.high).count() < cut
+            };
+            let wanted: Vec<usize> = (0..60).filter(is_open).collect();
+            assert_eq!(contested(&means, &race), wanted, "{cut}");
+            assert!(!wanted.is_empty() && wanted.len() < 60, "{cut}");
+        }
     }
 
     #[test]

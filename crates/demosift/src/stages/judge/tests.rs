@@ -210,6 +210,54 @@ fn a_crew_that_fails_leaves_what_is_finished_and_judging_goes_on_to_the_same() {
     });
 }
 
+#[test]
+fn of_a_large_set_policies_and_curves_are_made_for_those_that_are_looked_at_alone() {
+    with_trial(|trial| {
+        let bearings: Vec<f32> = (0..201_u8).map(f32::from).collect();
+        let set = planted_set(&bearings, Seed::new(1)).expect("a valid set");
+        let judging =
+            Judging { iterations: 1, evaluations: 1, repeats: 1, most_repeats: 0, ..*trial.judging };
+        let inner = InnerUpdate { batch_steps: 30, ..trial.inner.clone() };
+        let trial = Trial { set: &set, judging: &judging, inner: &inner, ..*trial };
+        let Came { judged, mut state, told } = came(&trial, &Threads);
+        let bare = |of: &Suitability| of.curves.iter().all(Vec::is_empty);
+        assert!(judged.adapted.is_empty() && told.is_empty());
+        assert!(judged.scores.suitabilities.iter().all(bare));
+
+        let (played, mut listening) = (state.played(), Listening::default());
+        let looked = look_at(&trial, &[DemoId(7), DemoId(3)], &mut state, &mut listening).expect("judged");
+        let found: Vec<(usize, usize)> = looked.adapted.iter().map(|of| (of.variant.0, of.demo.0)).collect();
+        assert_eq!(found, [(0, 3), (0, 7), (1, 3), (1, 7)]);
+        assert_eq!(listening.told.len(), 4, "an update each");
+        assert!(state.played() > played, "what was played again counts");
+        for adapted in &looked.adapted {
+            let unit = Unit { variant: adapted.variant, repeat: 0, demo: Some(adapted.demo) };
+            let whole = unit::judged_whole(&trial, &unit).expect("judged");
+            assert_eq!(whole.policy.as_ref(), Some(&adapted.policy));
+        }
+        for (before, after) in judged.scores.suitabilities.iter().zip(&looked.scores.suitabilities) {
+            assert_eq!(bare(after), ![3, 7].contains(&after.demo.0));
+            assert_eq!(*before, Suitability { curves: before.curves.clone(), ..after.clone() });
+        }
+    });
+}
+
+#[test]
+fn the_effort_of_a_large_set_counts_what_is_repeated_and_looked_at() {
+    with_trial(|trial| {
+        let (task, inner) = (trial.playground.specification(), trial.inner);
+        let judging = Judging { repeats: 2, most_repeats: 4, ..trial.judging.clone() };
+        let of = |demos| Effort::of(demos, task, &judging, inner, true);
+        // Two goals, and a start for each of four repeats; of two thousand two hundred get further repeats.
+        assert_eq!(of(10).units, 2 * (10 * 4 + 4));
+        assert_eq!(of(2000).units, 2 * (2000 * 2 + 200 * 2 + 4));
+        let looked = of(2000).and_looking_at(40, task, &judging, inner);
+        assert_eq!(looked.updates - of(2000).updates, 40 * 2 * judging.iterations);
+        let once = judging.episodes(task.horizon) * task.horizon;
+        assert_eq!(looked.evaluating_steps - of(2000).evaluating_steps, (40 * 2 * once) as u64);
+    });
+}
+
 /// What took long is stored at once, however many were finished before; what took no time waits for its share.
 #[test]
 fn a_unit_that_took_long_is_stored_as_soon_as_it_is_finished() {

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{Judging, Trial, evaluation_seeds, seed_under};
 use crate::basics::error::Result;
 use crate::basics::seed::Seed;
-use crate::data::demonstration::DemoId;
+use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::data::trajectory::Trajectory;
 use crate::learning::adapt::{self, Course, Learner, UpdateReport};
 use crate::learning::gail;
@@ -61,6 +61,21 @@ impl Outcome {
 /// # Errors
 /// Those of adapting and playing, with the unit before them.
 pub fn judge_unit(trial: &Trial<'_>, unit: &Unit) -> Result<Outcome> {
+    let whole = judged_whole(trial, unit)?;
+    Ok(if is_kept_whole(trial.set) { whole } else { Outcome { curve: Vec::new(), policy: None, ..whole } })
+}
+
+/// Of a set of so many demonstrations the curve of every repeat and the policy of the first are kept; of a larger one neither,
+/// or a run would hold little else.
+const KEPT_WHOLE: usize = 200;
+
+/// Whether the units of a set keep their curves and policies; of a larger set they are made again for those that are looked at.
+pub fn is_kept_whole(set: &DemonstrationSet) -> bool {
+    set.len() <= KEPT_WHOLE
+}
+
+/// A unit with its curve, and with its policy if it is of the first repeat.
+pub(super) fn judged_whole(trial: &Trial<'_>, unit: &Unit) -> Result<Outcome> {
     let learner = trial.start.learner(trial.set, unit.repeat, trial.seed);
     let seed = seed_under(trial.seed, trial.playground, unit.variant);
     let outcome = match unit.demo {
@@ -78,10 +93,6 @@ fn before(trial: &Trial<'_>, learner: &Learner, unit: &Unit, seed: &Seed) -> Res
     Ok(Outcome { scores, distance: 0.0, curve: Vec::new(), policy: None, played })
 }
 
-/// Of a set of so many demonstrations the curve of every repeat is kept; of a larger one that of the first, or a run folder
-/// would hold little else.
-const ALL_CURVES: usize = 200;
-
 /// Lines 3 to 11 for one demonstration.
 fn imitated(trial: &Trial<'_>, learner: &Learner, demo: DemoId, unit: &Unit, seed: &Seed) -> Result<Outcome> {
     let Judging { iterations, averaged, .. } = *trial.judging;
@@ -95,9 +106,7 @@ fn imitated(trial: &Trial<'_>, learner: &Learner, demo: DemoId, unit: &Unit, see
     let scores = score(trial.playground, &played);
     let policy = (unit.repeat == 0).then_some(policy);
     let played = adapted.played + steps_of(&played);
-    let is_told = unit.repeat == 0 || trial.set.len() <= ALL_CURVES;
-    let curve = if is_told { adapted.curve } else { Vec::new() };
-    Ok(Outcome { scores, distance, curve, policy, played })
+    Ok(Outcome { scores, distance, curve: adapted.curve, policy, played })
 }
 
 fn steps_of(played: &[Trajectory]) -> u64 {

@@ -1,0 +1,171 @@
+"""Measures what judging costs as a set grows: processor time, memory, files, and how well the ranking agrees with the stages of
+training. It makes the sets that it measures, and keeps in scale.json what scale.md and docs/images/scale.svg are made of.
+
+python3 docs/results/scale.py set N FILE                          writes N demonstrations (needs numpy and h5py)
+python3 docs/results/scale.py measure DEMOSIFT FOLDER NAME N ...  makes, inspects and judges a set of N, with further options of
+                                                                  `demosift judge`, and keeps what it took under NAME
+python3 docs/results/scale.py agree NAME RUN...                   keeps how well finished runs agree with the stages under NAME
+python3 docs/results/scale.py                                     prints the tables and draws the figure from scale.json
+"""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+KEPT = Path(__file__).with_suffix(".json")
+FIGURE = ROOT / "docs/images/scale.svg"
+SOURCE = ROOT / "data/martial_arts_100/demonstrations.hdf5"
+STAGES = ROOT / "data/provenance/martial_arts_100.json"
+# Of the spread of each number over the whole set.
+NOISE = 0.02
+# How many of each demonstration's repeats count.
+REPEATS = {"all": None, "first three": 3, "first two": 2}
+
+
+def write_set(count, path):
+    """Demonstration i is a copy of demonstration i mod 100 of the source, the first hundred too with noise of their own."""
+    import h5py
+    import numpy
+
+    with h5py.File(SOURCE) as file:
+        tables = {name: file[name][:] for name in ("observations", "actions")}
+        ends = numpy.flatnonzero(file["timeouts"][:] | file["terminals"][:]) + 1
+    starts = numpy.concatenate([[0], ends[:-1]])
+    random = numpy.random.default_rng(1)
+    chosen = [numpy.arange(starts[i % len(ends)], ends[i % len(ends)]) for i in range(count)]
+    rows = numpy.concatenate(chosen)
+    with h5py.File(path, "w") as file:
+        for name, table in tables.items():
+            noise = random.standard_normal((len(rows), table.shape[1]), dtype=numpy.float32)
+            file[name] = table[rows] + (NOISE * table.std(axis=0)).astype(numpy.float32) * noise
+        timeouts = numpy.zeros(len(rows), dtype=bool)
+        timeouts[numpy.cumsum([len(one) for one in chosen]) - 1] = True
+        file["timeouts"] = timeouts
+        file["terminals"] = numpy.zeros(len(rows), dtype=bool)
+
+
+def cost(command):
+    """Processor seconds and the largest memory of a command, which must succeed."""
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    _, status, used = os.wait4(process.pid, 0)
+    if status:
+        sys.exit(f"{' '.join(command)} failed")
+    return {"seconds": round(used.ru_utime + used.ru_stime, 1), "mib": round(used.ru_maxrss / 1024)}
+
+
+def keep(kind, name, found):
+    kept = json.loads(KEPT.read_text()) if KEPT.exists() else {}
+    kept.setdefault(kind, {})[name] = found
+    KEPT.write_text(json.dumps(kept, indent=1) + "\n")
+
+
+def measure(binary, folder, name, count, options):
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"set_{count}.hdf5"
+    if not path.exists():
+        write_set(count, path)
+    run = folder / name
+    judge = [binary, "judge", str(path), "--task", "martial_arts", "--judge", "cloning", "--preset", "quick"]
+    judged = cost([*judge, "--out", str(run), *options])
+    files = {file.name: file.stat().st_size for file in sorted(run.iterdir())}
+    steps = json.loads((run / "spent_judge_cloning.json").read_text())["environment_steps"]
+    table = json.loads((run / "scores_cloning.json").read_text())["suitabilities"]
+    repeats = sum(len(one["after"]) for one in table)
+    looked = cost([binary, "inspect", str(path), "--task", "martial_arts"])
+    kept = {"n": count, "options": options, "judge": judged, "inspect": looked, "files": files}
+    keep("costs", name, {**kept, "environment_steps": steps, "imitations": repeats, "set": path.stat().st_size})
+
+
+def ranks(values):
+    order = sorted(range(len(values)), key=values.__getitem__)
+    found = [0.0] * len(values)
+    while order:
+        alike = [index for index in order if values[index] == values[order[0]]]
+        for index in alike:
+            found[index] = len(values) - len(order) + (len(alike) - 1) / 2
+        order = order[len(alike) :]
+    return found
+
+
+def spearman(one, other):
+    one, other = ranks(one), ranks(other)
+    mean = (len(one) - 1) / 2
+    product = lambda a, b: sum((x - mean) * (y - mean) for x, y in zip(a, b))
+    return product(one, other) / (product(one, one) * product(other, other)) ** 0.5
+
+
+def agree(name, runs):
+    """Of each run, by all repeats, and by the first three and the first two of everybody alone."""
+    stages = [one["updates"] for one in json.loads(STAGES.read_text())["demonstrations"]]
+    mean = lambda numbers: sum(numbers) / len(numbers)
+    found = []
+    for run in runs:
+        table = json.loads((Path(run) / "scores_cloning.json").read_text())["suitabilities"]
+        truth = [stages[one["demo"] % len(stages)] for one in table]
+        by = lambda repeats: spearman([mean([mean(scores) for scores in one["after"][:repeats]]) for one in table], truth)
+        found.append({name: round(by(repeats), 4) for name, repeats in REPEATS.items()})
+    keep("agreement", name, found)
+
+
+def tables():
+    kept = json.loads(KEPT.read_text())
+    print("| run | n | imitations | judge, s | s a demonstration | judge, MiB | inspect, s | inspect, MiB | run folder, MB |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for name, of in kept["costs"].items():
+        judge, looked, n = of["judge"], of["inspect"], of["n"]
+        folder = sum(of["files"].values()) / 1e6
+        each = judge["seconds"] / n
+        print(
+            f"| {name} | {n:,} | {of['imitations']:,} | {judge['seconds']:.0f} | {each:.3f} | {judge['mib']} "
+            f"| {looked['seconds']:.1f} | {looked['mib']} | {folder:.1f} |"
+        )
+    print("\n| run | " + " | ".join(sorted({file for of in kept["costs"].values() for file in of["files"]})) + " |")
+    for name, of in kept["costs"].items():
+        sizes = (of["files"].get(file, 0) / 1e3 for file in sorted({f for o in kept["costs"].values() for f in o["files"]}))
+        print(f"| {name} | " + " | ".join(f"{size:.0f}" for size in sizes) + " |")
+    print()
+    print("| judged with | seeds | " + " | ".join(REPEATS) + " |")
+    for name, runs in kept.get("agreement", {}).items():
+        means = (sum(run[key] for run in runs) / len(runs) for key in REPEATS)
+        print(f"| {name} | {len(runs)} | " + " | ".join(f"{mean:.3f}" for mean in means) + " |")
+    FIGURE.write_text(figure([of for name, of in kept["costs"].items() if name.startswith("n_")]))
+
+
+def figure(costs):
+    """Seconds a demonstration, and megabytes of memory, against n on two logarithmic axes."""
+    from math import log10
+
+    x = lambda n: 70 + 110 * log10(n / 10)
+    y = lambda value, top: 210 - 45 * log10(value / top * 1e4)
+    parts = ['<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 520 260" font-family="sans-serif" font-size="12">']
+    parts.append('<rect width="520" height="260" fill="white"/>')
+    for n in (10, 100, 1000, 10000):
+        parts.append(f'<text x="{x(n):.0f}" y="235" text-anchor="middle">{n:,}</text>')
+        parts.append(f'<line x1="{x(n):.0f}" y1="30" x2="{x(n):.0f}" y2="215" stroke="#ddd"/>')
+    for index, (name, color, of) in enumerate(
+        [("processor seconds", "#0072b2", lambda of: of["judge"]["seconds"]), ("MiB of memory", "#d55e00", lambda of: of["judge"]["mib"])]
+    ):
+        for exponent in range(0, 5) if index == 0 else ():
+            parts.append(f'<text x="40" y="{y(10**exponent, 1e4) + 4:.0f}" text-anchor="end">{10**exponent:,}</text>')
+        points = " ".join(f"{x(one['n']):.1f},{y(of(one), 1e4):.1f}" for one in sorted(costs, key=lambda one: one["n"]))
+        parts.append(f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="2"/>')
+        parts.append(f'<text x="{90 + 160 * index}" y="20" fill="{color}">{name}</text>')
+    parts.append('<text x="270" y="253" text-anchor="middle">demonstrations</text></svg>')
+    return "\n".join(parts) + "\n"
+
+
+if __name__ == "__main__":
+    match sys.argv[1:]:
+        case ["set", count, path]:
+            write_set(int(count), path)
+        case ["measure", binary, folder, name, count, *options]:
+            measure(binary, Path(folder), name, int(count), options)
+        case ["agree", name, *runs]:
+            agree(name, runs)
+        case []:
+            tables()
+        case _:
+            sys.exit(__doc__)
