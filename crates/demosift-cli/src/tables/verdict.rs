@@ -1,6 +1,6 @@
 //! What the referee says: a pair a row, and the sentence below.
 
-use demosift::stages::referee::{Candidate, Pair, Side, Verdict, imitator_name};
+use demosift::stages::referee::{Candidate, Pair, Side, Verdict};
 
 use super::{Scale, percent, table, wrapped};
 
@@ -22,7 +22,7 @@ pub(crate) fn verdict(verdict: &Verdict, unit: &str) -> String {
     let row = |(index, pair): (usize, &Pair)| {
         let mut row = vec![
             name(&verdict.candidates[pair.trained.candidate]),
-            imitator_name(pair.trained.imitator).to_owned(),
+            verdict.imitator_name(pair.trained.imitator).to_owned(),
             pair.trained.trainings.len().to_string(),
             with_interval(pair, scale),
         ];
