@@ -6,7 +6,7 @@
 //! of demosift from −1 to 1.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use demosift::basics::files;
@@ -100,13 +100,16 @@ impl PythonTrainer {
             units: wanted.in_own_unit.then(|| Units::new(&task.control_ranges)),
             versions: BTreeMap::new(),
         };
-        trainer.versions = trainer.start()?.1;
+        trainer.versions = trainer.start().map_err(|error| trainer.here(error))?.1;
         Ok(trainer)
     }
 
-    /// What to type for it, from any working directory.
-    pub fn words(&self) -> String {
-        self.source.words()
+    /// What to type for a trainer from any working directory, where this is what was typed here.
+    ///
+    /// # Errors
+    /// `is_bad_input` if it names no function of a file or module, or the file does not exist.
+    pub fn in_words(typed: &str) -> Result<String> {
+        Ok(Source::of_trainer(typed)?.words())
     }
 
     /// The interpreter, as it was named.
@@ -151,6 +154,11 @@ impl PythonTrainer {
         error.with_hint(hint.clone().unwrap_or_else(|| install_or_name(message, &self.interpreter)))
     }
 
+    /// An error of the trainer, with where it is.
+    fn here(&self, error: Error) -> Error {
+        error.at(Path::new(&self.source.words()))
+    }
+
     fn read<T: for<'a> Deserialize<'a>>(&self, answer: &Answer, letter: u8, what: &str) -> Result<T> {
         read(&self.interpreter.whose.name, answer, letter, what)
     }
@@ -170,7 +178,7 @@ impl PythonTrainer {
             for numbers in [observations, actions.flat()] {
                 payload.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
             }
-            let what = format!("to read demonstration {demo}");
+            let what = format!("the reading of demonstration {demo}");
             let answer = process.ask(DEMONSTRATION, &payload, &what)?;
             done(&self.interpreter.whose.name, &answer, &what)?;
         }
@@ -178,12 +186,8 @@ impl PythonTrainer {
     }
 }
 
-impl Trainer for PythonTrainer {
-    fn identity(&self) -> &TrainerIdentity {
-        &self.identity
-    }
-
-    fn train(&self, set: &DemonstrationSet, demos: &[DemoId], seed: &Seed) -> Result<Box<dyn Apprentice>> {
+impl PythonTrainer {
+    fn trained(&self, set: &DemonstrationSet, demos: &[DemoId], seed: &Seed) -> Result<PythonApprentice> {
         let (mut process, _) = self.start()?;
         self.show(&mut process, set, demos)?;
         let seed = u64::from(seed.of("train").into_rng().next_u32());
@@ -196,9 +200,25 @@ impl Trainer for PythonTrainer {
         let name = self.interpreter.whose.name.clone();
         done(&name, &answer, &what)?;
         let Trained { onnx } = read(&name, &answer, DONE, &what)?;
-        let onnx = onnx.map(|path| files::read(&path)).transpose()?;
-        let (units, own) = (self.units.clone(), vec![0.0; self.action]);
-        Ok(Box::new(PythonApprentice { process, name, units, own, onnx }))
+        Ok(PythonApprentice {
+            process,
+            name,
+            place: PathBuf::from(self.source.words()),
+            units: self.units.clone(),
+            own: vec![0.0; self.action],
+            onnx: onnx.map(|path| files::read(&path)).transpose()?,
+        })
+    }
+}
+
+impl Trainer for PythonTrainer {
+    fn identity(&self) -> &TrainerIdentity {
+        &self.identity
+    }
+
+    fn train(&self, set: &DemonstrationSet, demos: &[DemoId], seed: &Seed) -> Result<Box<dyn Apprentice>> {
+        let apprentice = self.trained(set, demos, seed).map_err(|error| self.here(error))?;
+        Ok(Box::new(apprentice))
     }
 }
 
@@ -207,31 +227,43 @@ struct PythonApprentice {
     process: Process,
     /// Of the trainer.
     name: String,
+    /// Where that is.
+    place: PathBuf,
     units: Option<Units>,
     /// The last action in the policy's own unit.
     own: Vec<f64>,
     onnx: Option<Vec<u8>>,
 }
 
-impl Apprentice for PythonApprentice {
-    fn begin(&mut self) -> Result<()> {
+impl PythonApprentice {
+    fn begun(&mut self) -> Result<()> {
         let what = "the beginning of an episode";
         let answer = self.process.ask(BEGIN, &[], what)?;
         done(&self.name, &answer, what)
     }
 
-    fn act(&mut self, observation: &[f32], action: &mut [f32]) -> Result<()> {
+    /// Leaves the action in the policy's own unit.
+    fn acted(&mut self, observation: &[f32]) -> Result<()> {
         let what = "an action of its policy";
         let payload: Vec<u8> = observation.iter().flat_map(|number| number.to_le_bytes()).collect();
         let answer = self.process.ask(ACT, &payload, what)?;
-        if answer.letter == PROBLEM {
-            return Err(failed(&self.name, &read(&self.name, &answer, PROBLEM, what)?, what));
-        }
+        done(&self.name, &answer, what)?;
         let (numbers, rest) = answer.payload.as_chunks();
         if answer.letter != ACT || numbers.len() != self.own.len() || !rest.is_empty() {
             return Err(Error::simulation(format!("the answer of {} to {what} is no action", self.name)));
         }
         self.own.iter_mut().zip(numbers).for_each(|(own, bytes)| *own = f64::from_le_bytes(*bytes));
+        Ok(())
+    }
+}
+
+impl Apprentice for PythonApprentice {
+    fn begin(&mut self) -> Result<()> {
+        self.begun().map_err(|error| error.at(&self.place))
+    }
+
+    fn act(&mut self, observation: &[f32], action: &mut [f32]) -> Result<()> {
+        self.acted(observation).map_err(|error| error.at(&self.place))?;
         match &self.units {
             Some(units) => units.of_policy(&self.own, action),
             None => action.iter_mut().zip(&self.own).for_each(|(action, own)| *action = *own as f32),
