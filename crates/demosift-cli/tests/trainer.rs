@@ -72,7 +72,10 @@ fn a_trainer_is_a_third_imitator_of_the_referee() {
     assert_eq!(scratch.files(".")["trainings.log"], log, "nothing was trained again");
     // What is asked besides is made now.
     scratch.succeed("referee --resume --out run --referee cloning=3,trainer=4");
-    assert_eq!(pairs(&verdict(&scratch, "run"), "trainer")[0]["trainings"].as_array().unwrap().len(), 4);
+    let found = verdict(&scratch, "run");
+    let longest =
+        pairs(&found, "trainer").into_iter().map(|pair| pair["trainings"].as_array().unwrap().len()).max();
+    assert_eq!(longest, Some(4));
     // With the seeds of before: the first trainings stay what they were.
     let seeds = |text: &[u8]| -> Vec<String> {
         String::from_utf8(text.to_vec()).unwrap().lines().map(str::to_owned).collect()
@@ -221,10 +224,26 @@ fn mistakes_are_one_sentence_each() {
     let python = format!("--python {}", python.display());
     for (arguments, code, wanted) in [
         (format!("sift {HOW} --trainer no_such.py:train"), 2, "cannot find the trainer's file"),
-        (format!("sift {HOW} --trainer train"), 2, "'train' is no trainer: what is before the colon is missing"),
-        (format!("sift {HOW} --trainer no_such_module:train {python}"), 2, "cannot be imported: ModuleNotFoundError"),
-        (format!("sift {HOW} --referee trainer=3"), 2, "asks for trainings by a trainer of yours, and there is none"),
-        (format!("sift {HOW} --trainer-timeout 5"), 2, "--trainer-timeout is about a trainer, and none is given"),
+        (
+            format!("sift {HOW} --trainer train"),
+            2,
+            "'train' is no trainer: what is before the colon is missing",
+        ),
+        (
+            format!("sift {HOW} --trainer no_such_module:train {python}"),
+            2,
+            "cannot be imported: ModuleNotFoundError",
+        ),
+        (
+            format!("sift {HOW} --referee trainer=3"),
+            2,
+            "asks for trainings by a trainer of yours, and there is none",
+        ),
+        (
+            format!("sift {HOW} --trainer-timeout 5"),
+            2,
+            "--trainer-timeout is about a trainer, and none is given",
+        ),
         (
             format!("sift {HOW} --trainer {}:raises --referee none", trainers().display()),
             2,
@@ -251,7 +270,7 @@ fn mistakes_are_one_sentence_each() {
         assert!(said.contains(wanted) && !said.contains("panicked"), "{arguments}: {said}");
         let errors = said.lines().filter(|line| line.starts_with("error: ")).count();
         assert_eq!(errors, 1, "{arguments}: {said}");
-        assert!(!said.contains("environment"), "it is about a trainer: {said}");
+        assert!(!said.contains("the environment"), "it is about a trainer: {said}");
     }
     assert!(!scratch.0.join("runs").exists(), "nothing half-begun");
     // And with one that works the run goes on.

@@ -211,6 +211,6 @@ pub(crate) fn install_or_name(message: &str, interpreter: &Interpreter) -> Strin
         Some(module) => format!(
             "install what holds '{module}' into the interpreter {python}, or name another one with --python PATH"
         ),
-        None => format!("it was made by the interpreter {python}; --python PATH names another one"),
+        None => format!("the interpreter is {python}; --python PATH names another one"),
     }
 }

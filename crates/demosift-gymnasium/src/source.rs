@@ -90,8 +90,9 @@ impl Source {
             return Err(Error::bad_input(message).with_hint(hint));
         };
         if Path::new(from).extension().is_some_and(|extension| extension == "py") {
-            let file = fs::canonicalize(from)
-                .map_err(|error| Error::io(&format!("cannot find the {what}'s file"), Path::new(from), &error))?;
+            let file = fs::canonicalize(from).map_err(|error| {
+                Error::io(&format!("cannot find the {what}'s file"), Path::new(from), &error)
+            })?;
             return Ok(Self::File { file, name: name.to_owned() });
         }
         if from.contains(std::path::MAIN_SEPARATOR) {

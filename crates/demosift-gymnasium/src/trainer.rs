@@ -87,8 +87,7 @@ impl PythonTrainer {
             name: format!("the trainer {name}"),
             process: format!("the process of the trainer {name}"),
         };
-        let interpreter =
-            Interpreter { python: wanted.python.clone(), time_limit: wanted.time_limit, whose };
+        let interpreter = Interpreter { python: wanted.python.clone(), time_limit: wanted.time_limit, whose };
         let task = wanted.task;
         let mut trainer = Self {
             interpreter,
@@ -149,7 +148,9 @@ impl PythonTrainer {
         let name = &self.interpreter.whose.name;
         let error = match kind.as_str() {
             "refused" => Error::bad_input(format!("{name}: {message}")),
-            _ => Error::bad_input(format!("{name} cannot be imported: {message}{}", problem.place_in_words())),
+            _ => {
+                Error::bad_input(format!("{name} cannot be imported: {message}{}", problem.place_in_words()))
+            }
         };
         error.with_hint(hint.clone().unwrap_or_else(|| install_or_name(message, &self.interpreter)))
     }

@@ -143,7 +143,7 @@ pub(crate) struct JobArguments {
     pub(crate) judge: Option<JudgesName>,
     /// How many final policies are trained on what was kept, on the whole set and on random subsets, to say whether
     /// selecting helps; an imitator with fewer than three decides nothing [default: as the preset says: cloning=5,gail=1,
-    /// cloning=10,gail=3, or cloning=10,gail=10]
+    /// cloning=10,gail=3, or cloning=10,gail=10; with --trainer trainer=N as often as GAIL, and at least 3]
     #[arg(long, value_name = "cloning=N,gail=N,trainer=N|none")]
     pub(crate) referee: Option<Refereeing>,
     /// How the agent of the paper's judge is prepared to imitate; all methods may spend the same environment steps

@@ -158,8 +158,7 @@ impl Job {
         if let Some(simulated) = &plan.chosen.simulated {
             simulated.notes(arguments.judge.is_none() && !asks_for_it);
         }
-        let trainer =
-            if asked.referees { trainer::open(&values, arguments, &plan.chosen)? } else { None };
+        let trainer = if asked.referees { trainer::open(&values, arguments, &plan.chosen)? } else { None };
         let job = Self::of_plan(plan, demonstrations, values, config, arguments.run.dry_run)?;
         Ok(Self { trainer: trainer.map(Arc::new), ..job })
     }
@@ -182,7 +181,19 @@ impl Job {
             false => Progress::new(MetricsFile::of(&folder.written())?),
         };
         let chosen = plan.chosen;
-        Ok(Self { set, path, data, left_out, numbers, chosen, values, config, trainer: None, folder, progress })
+        Ok(Self {
+            set,
+            path,
+            data,
+            left_out,
+            numbers,
+            chosen,
+            values,
+            config,
+            trainer: None,
+            folder,
+            progress,
+        })
     }
 
     /// The same job for one of the task's several goals, in a folder of its own within that of this one; it starts from what

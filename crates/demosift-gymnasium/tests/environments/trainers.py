@@ -44,13 +44,14 @@ def as_demosift(demonstrations, seed):
         return numpy.frombuffer(tensors[slice(*of["data_offsets"])], "<f4").reshape(of["shape"]).astype(float)
 
     mean, std = tensor("observation_mean"), tensor("observation_std")
-    layers = [(tensor(f"{index}.weight"), tensor(f"{index}.bias")) for index in range(3)]
+    count = sum(name.endswith(".weight") for name in header)
+    layers = [(tensor(f"{index}.weight"), tensor(f"{index}.bias")) for index in range(count)]
 
     def policy(observation):
         flow = numpy.clip((observation - mean) / std, -10.0, 10.0)
         for index, (weight, bias) in enumerate(layers):
             flow = flow @ weight + bias
-            flow = numpy.tanh(flow) if index < 2 else flow
+            flow = numpy.tanh(flow) if index < count - 1 else flow
         return flow
 
     return policy

@@ -15,8 +15,8 @@ use crate::results::artifact::{self, Artifact, onnx};
 use crate::stages::imitate::{self, Effort, Imitation, ImitationState, LearningCurve, Lesson};
 use crate::stages::method::Spent;
 use crate::stages::referee::{
-    self, ByTrainer, Candidate, Contest, Imitator, Meant, NamedSubset, STAGE, Training, Unit, Verdict, imitation_by,
-    steps_by_trainer,
+    self, ByTrainer, Candidate, Contest, Imitator, Meant, NamedSubset, STAGE, Training, Unit, Verdict,
+    imitation_by, steps_by_trainer,
 };
 use crate::world::environment::Specification;
 use crate::world::rollout::Playground;
@@ -136,7 +136,8 @@ pub(crate) fn rest(run: &Run<'_>, candidates: &[Candidate]) -> Result<Vec<Meant>
         for candidate in meant.candidates.iter().map(|index| &candidates[*index]) {
             let part = part(candidate, meant.imitator, meant.training);
             let demos = candidate.demos_of(&ids, &seed);
-            is_stored |= recalled_training(run.ledger, meant.imitator, &part, &demos, identity(run))?.is_some();
+            is_stored |=
+                recalled_training(run.ledger, meant.imitator, &part, &demos, identity(run))?.is_some();
         }
         if !is_stored {
             left.push(meant);
@@ -261,12 +262,7 @@ fn lock<'m, 'a>(shared: &'m Mutex<Shared<'a>>) -> MutexGuard<'m, Shared<'a>> {
 }
 
 /// A finished training, made now unless it was made before; none of what is neither made nor our `own`.
-fn train(
-    ground: Ground<'_>,
-    unit: Unit,
-    own: bool,
-    shared: &Mutex<Shared<'_>>,
-) -> Result<Option<Made>> {
+fn train(ground: Ground<'_>, unit: Unit, own: bool, shared: &Mutex<Shared<'_>>) -> Result<Option<Made>> {
     let Ground { set, playground, config, candidates } = ground;
     let (candidate, seed) = (&candidates[unit.candidate], training_seed(config, unit.training));
     let demos: Vec<DemoId> = candidate.demos_of(&set.ids(), &seed);

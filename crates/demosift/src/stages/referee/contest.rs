@@ -1,7 +1,9 @@
 //! Which trainings are still to be made: rounds, and who is dropped between them.
 
 use super::welch::Sample;
-use super::{Candidate, DECISIVE, IMITATORS, Imitator, Refereeing, Side, Trained, Training, Verdict, decision};
+use super::{
+    Candidate, DECISIVE, IMITATORS, Imitator, Refereeing, Side, Trained, Training, Verdict, decision,
+};
 use crate::world::trainer::TrainerIdentity;
 
 /// A pair is dropped if the best of its side is better at this level: so strict that the decision is none the wiser.

@@ -97,8 +97,11 @@ impl std::fmt::Display for Refereeing {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { cloning, gail, trainer } = *self;
         let all = [("cloning", cloning), ("gail", gail), ("trainer", trainer)];
-        let asked: Vec<String> =
-            all.iter().filter(|(_, count)| *count > 0).map(|(name, count)| format!("{name}={count}")).collect();
+        let asked: Vec<String> = all
+            .iter()
+            .filter(|(_, count)| *count > 0)
+            .map(|(name, count)| format!("{name}={count}"))
+            .collect();
         if asked.is_empty() { "none".fmt(out) } else { asked.join(",").fmt(out) }
     }
 }

@@ -89,7 +89,9 @@ pub trait Worker: Send {
     /// # Errors
     /// As [`play`](Worker::play), and those of the policy; `is_bad_config` if the simulator plays policies of demosift only.
     fn play_led(&mut self, _episode: Led<'_>, _by: &mut dyn Apprentice) -> Result<Rollout> {
-        Err(Error::bad_config("the simulator of this task plays policies of demosift only, and none of a trainer"))
+        Err(Error::bad_config(
+            "the simulator of this task plays policies of demosift only, and none of a trainer",
+        ))
     }
 }
 
