@@ -262,7 +262,7 @@ fn mistakes_are_one_sentence_each() {
         (asked("dies", ""), 1, "its last words: out of luck"),
         (asked("acts_and_dies", ""), 1, "ended with exit code 7 during an action of its policy"),
         (asked("hangs", "--trainer-timeout 2"), 1, "within 2 s"),
-        (asked("acts_slowly", "--time-limit 2"), 1, "did not finish an action of its policy within 2 s"),
+        (asked("acts_slowly", "--time-limit 15"), 1, "did not finish an action of its policy within 15 s"),
     ] {
         let output = scratch.run(&arguments);
         let said = String::from_utf8_lossy(&output.stderr);
