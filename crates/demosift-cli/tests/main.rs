@@ -28,4 +28,5 @@ mod robust;
 mod study;
 mod support;
 mod task_check;
+mod trainer;
 mod units;

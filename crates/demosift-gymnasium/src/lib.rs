@@ -14,6 +14,7 @@
 //! | [`whole`] | one episode, played here or there |
 //! | `session` | one environment that is open: reset, step, whole episodes |
 //! | [`task`] | the environment as a [`Task`](demosift::world::environment::Task) with its workers |
+//! | [`trainer`] | a trainer of the user's own as a [`Trainer`](demosift::world::trainer::Trainer), with its policies |
 //! | [`trial`] | a few steps by which is seen whether it repeats |
 //! | [`units`] | actions in the environment's own unit |
 //! | [`check`] | whether it repeats, how fast it is, and whether recorded demonstrations fit it |
@@ -26,6 +27,7 @@ mod process;
 mod session;
 pub mod source;
 pub mod task;
+pub mod trainer;
 pub mod trial;
 pub mod turn;
 pub mod units;

@@ -46,6 +46,21 @@ const ONE_THREAD: [&str; 5] = [
 pub(crate) struct Interpreter {
     pub(crate) python: PathBuf,
     pub(crate) time_limit: Duration,
+    pub(crate) whose: Whose,
+}
+
+/// Who works in a process, as errors say it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Whose {
+    pub(crate) name: String,
+    pub(crate) process: String,
+}
+
+impl Whose {
+    /// An environment.
+    pub(crate) fn environment() -> Self {
+        Self { name: "the environment".to_owned(), process: "the environment's process".to_owned() }
+    }
 }
 
 /// A running process; it ends with this value, and with its parent.
@@ -58,6 +73,14 @@ pub(crate) struct Process {
     last_lines: Arc<Mutex<VecDeque<String>>>,
     listener: Option<thread::JoinHandle<()>>,
     time_limit: Duration,
+    whose: Whose,
+}
+
+/// How long is waited for an answer, and what gives it longer.
+#[derive(Clone, Copy)]
+struct Patience<'a> {
+    limit: Duration,
+    hint: &'a str,
 }
 
 /// One answer.
@@ -72,7 +95,7 @@ impl Process {
     /// # Errors
     /// `is_bad_input` if there is no such interpreter.
     pub(crate) fn start(interpreter: &Interpreter) -> Result<Self> {
-        let Interpreter { python, time_limit } = interpreter;
+        let Interpreter { python, time_limit, whose } = interpreter;
         let mut command = Command::new(python);
         command
             .args(["-c", WORKER, &std::process::id().to_string()])
@@ -87,7 +110,7 @@ impl Process {
         let mut child = started(command).map_err(|error| no_interpreter(python, &error))?;
         let (asks, answers, words) = (child.stdin.take(), child.stdout.take(), child.stderr.take());
         let (Some(asks), Some(answers), Some(words)) = (asks, answers, words) else {
-            return Err(Error::simulation("the environment's process has no pipes"));
+            return Err(Error::simulation(format!("{} has no pipes", whose.process)));
         };
         let last_lines = Arc::new(Mutex::new(VecDeque::new()));
         let remembered = Arc::clone(&last_lines);
@@ -105,6 +128,7 @@ impl Process {
             last_lines,
             listener,
             time_limit: *time_limit,
+            whose: whose.clone(),
         })
     }
 
@@ -113,6 +137,21 @@ impl Process {
     /// # Errors
     /// `is_simulation` if the process has died, or does not answer within the time limit. It is of no use afterwards.
     pub(crate) fn ask(&mut self, letter: u8, payload: &[u8], what: &str) -> Result<Answer> {
+        self.ask_within(self.time_limit, "--time-limit SECONDS gives it longer", letter, payload, what)
+    }
+
+    /// The same with a time limit of its own; `hint` says what gives it longer.
+    ///
+    /// # Errors
+    /// As [`ask`](Process::ask).
+    pub(crate) fn ask_within(
+        &mut self,
+        limit: Duration,
+        hint: &str,
+        letter: u8,
+        payload: &[u8],
+        what: &str,
+    ) -> Result<Answer> {
         let mut frame = Vec::with_capacity(HEAD + payload.len());
         frame.extend((payload.len() as u32).to_le_bytes());
         frame.push(letter);
@@ -122,7 +161,7 @@ impl Process {
             return Err(self.died(what));
         }
         loop {
-            let answer = self.frame(what)?;
+            let answer = self.frame(Patience { limit, hint }, what)?;
             if answer.letter != BEAT {
                 return Ok(answer);
             }
@@ -130,21 +169,25 @@ impl Process {
     }
 
     /// The next frame, which has to come within the time limit.
-    fn frame(&mut self, what: &str) -> Result<Answer> {
-        let until = Instant::now() + self.time_limit;
-        self.read_to(HEAD, until, what)?;
+    fn frame(&mut self, patience: Patience<'_>, what: &str) -> Result<Answer> {
+        let until = Instant::now() + patience.limit;
+        if !self.read_to(HEAD, until, what)? {
+            return Err(self.hangs(patience, what));
+        }
         let length = u32::from_le_bytes([self.read[0], self.read[1], self.read[2], self.read[3]]) as usize;
         if length > LONGEST_FRAME {
             return Err(Error::simulation(format!("the worker's answer to {what} is no frame")));
         }
-        self.read_to(HEAD + length, until, what)?;
+        if !self.read_to(HEAD + length, until, what)? {
+            return Err(self.hangs(patience, what));
+        }
         let letter = self.read[HEAD - 1];
         let payload = self.read.drain(..HEAD + length).skip(HEAD).collect();
         Ok(Answer { letter, payload })
     }
 
-    /// Reads until so many bytes are there.
-    fn read_to(&mut self, count: usize, until: Instant, what: &str) -> Result<()> {
+    /// Reads until so many bytes are there; says whether that was in time.
+    fn read_to(&mut self, count: usize, until: Instant, what: &str) -> Result<bool> {
         let mut bytes = [0; 16 * 1024];
         while self.read.len() < count {
             let left = until.saturating_duration_since(Instant::now());
@@ -153,9 +196,10 @@ impl Process {
             match poll(&mut waited_for, Some(&timeout)) {
                 Err(rustix::io::Errno::INTR) => continue,
                 Err(error) => {
-                    return Err(Error::simulation(format!("the environment cannot be waited for: {error}")));
+                    let name = &self.whose.name;
+                    return Err(Error::simulation(format!("{name} cannot be waited for: {error}")));
                 }
-                Ok(0) => return Err(self.hangs(what)),
+                Ok(0) => return Ok(false),
                 Ok(_) => {}
             }
             match self.answers.read(&mut bytes) {
@@ -165,15 +209,14 @@ impl Process {
                 Err(_) => return Err(self.died(what)),
             }
         }
-        Ok(())
+        Ok(true)
     }
 
-    fn hangs(&mut self, what: &str) -> Error {
-        let limit = self.time_limit.as_secs_f64();
+    fn hangs(&mut self, Patience { limit, hint }: Patience<'_>, what: &str) -> Error {
+        let limit = limit.as_secs_f64();
         self.end();
-        let words = self.last_words();
-        Error::simulation(format!("the environment did not finish {what} within {limit} s{words}"))
-            .with_hint("--time-limit SECONDS gives it longer")
+        let (name, words) = (self.whose.name.clone(), self.last_words());
+        Error::simulation(format!("{name} did not finish {what} within {limit} s{words}")).with_hint(hint)
     }
 
     fn died(&mut self, what: &str) -> Error {
@@ -185,8 +228,8 @@ impl Process {
             _ => String::new(),
         };
         self.end();
-        let words = self.last_words();
-        Error::simulation(format!("the environment's process ended{how} during {what}{words}"))
+        let (process, words) = (self.whose.process.clone(), self.last_words());
+        Error::simulation(format!("{process} ended{how} during {what}{words}"))
     }
 
     /// What it wrote to standard error at last, as the end of a sentence.
@@ -269,7 +312,7 @@ fn no_interpreter(python: &Path, error: &std::io::Error) -> Error {
         _ => format!("the Python interpreter cannot be started: {error}"),
     };
     Error::bad_input(message).at(python).with_hint(
-        "--python PATH names the interpreter in which the environment works, such as .venv/bin/python",
+        "--python PATH names the interpreter in which the environment or the trainer works, such as .venv/bin/python",
     )
 }
 

@@ -13,15 +13,15 @@ use crate::turn::{Turn, TurnSizes};
 use crate::whole::{self, Act, Sizes, Turns};
 
 /// The version of the frames, the same in `python/demosift/worker.py`.
-const PROTOCOL: u32 = 2;
+pub(crate) const PROTOCOL: u32 = 3;
 const OPEN: u8 = b'O';
 const MEASURE: u8 = b'M';
 const RESET: u8 = b'R';
 const STEP: u8 = b'S';
 const GREETING: u8 = b'G';
-const DONE: u8 = b'K';
+pub(crate) const DONE: u8 = b'K';
 const TURN: u8 = b'T';
-const PROBLEM: u8 = b'E';
+pub(crate) const PROBLEM: u8 = b'E';
 const PLAY: u8 = b'P';
 const PLAYED: u8 = b'W';
 
@@ -49,13 +49,20 @@ pub(crate) struct Greeting {
 
 /// What was wrong in the process.
 #[derive(Deserialize)]
-struct Problem {
-    /// `refused` if the environment works and cannot be used, `raised` if it does not work.
-    kind: String,
-    message: String,
-    hint: Option<String>,
+pub(crate) struct Problem {
+    /// `refused` if what the user has works and cannot be used, `raised` if it does not work.
+    pub(crate) kind: String,
+    pub(crate) message: String,
+    pub(crate) hint: Option<String>,
     /// Where in the code.
     place: Option<String>,
+}
+
+impl Problem {
+    /// Where in the code, as the end of a sentence.
+    pub(crate) fn place_in_words(&self) -> String {
+        self.place.as_ref().map_or_else(String::new, |place| format!(" ({place})"))
+    }
 }
 
 /// An open environment. After an error it is of no use.
@@ -139,8 +146,9 @@ impl Session {
         self.sound = false;
         let answer = self.process.ask(letter, payload, what)?;
         if answer.letter == PROBLEM {
-            let Problem { message, hint, place, .. } = problem(&answer, what)?;
-            let place = place.map_or_else(String::new, |place| format!(" ({place})"));
+            let found = problem(&answer, what)?;
+            let place = found.place_in_words();
+            let Problem { message, hint, .. } = found;
             let error = Error::simulation(format!("the environment failed in {what}: {message}{place}"));
             return Err(match hint {
                 Some(hint) => error.with_hint(hint),
@@ -184,7 +192,7 @@ fn json_of<T: for<'a> Deserialize<'a>>(answer: &Answer, letter: u8, what: &str) 
 
 /// An environment that could not be made is the user's to mend.
 fn at_the_start(problem: &Problem, interpreter: &Interpreter, source: &Source) -> Error {
-    let Problem { kind, message, hint, place } = problem;
+    let Problem { kind, message, hint, .. } = problem;
     let words = source.words();
     if kind == "refused" {
         let error = Error::bad_input(format!("{words}: {message}"));
@@ -193,13 +201,18 @@ fn at_the_start(problem: &Problem, interpreter: &Interpreter, source: &Source) -
             None => error,
         };
     }
-    let place = place.as_ref().map_or_else(String::new, |place| format!(" ({place})"));
+    let place = problem.place_in_words();
+    Error::bad_input(format!("{words} cannot be made: {message}{place}"))
+        .with_hint(install_or_name(message, interpreter))
+}
+
+/// What helps where something could not be imported or made.
+pub(crate) fn install_or_name(message: &str, interpreter: &Interpreter) -> String {
     let python = interpreter.python.display();
-    let hint = match message.split('\'').nth(1).filter(|_| message.starts_with("ModuleNotFoundError")) {
+    match message.split('\'').nth(1).filter(|_| message.starts_with("ModuleNotFoundError")) {
         Some(module) => format!(
             "install what holds '{module}' into the interpreter {python}, or name another one with --python PATH"
         ),
-        None => format!("it was made by the interpreter {python}; --python PATH names another one"),
-    };
-    Error::bad_input(format!("{words} cannot be made: {message}{place}")).with_hint(hint)
+        None => format!("the interpreter is {python}; --python PATH names another one"),
+    }
 }

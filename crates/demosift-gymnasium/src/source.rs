@@ -12,8 +12,9 @@ const GYMNASIUM: &str = "gymnasium:";
 const FROM_SET: &str = "from-set";
 const WANTED: &str = "wanted gymnasium:ID such as gymnasium:HalfCheetah-v5, FILE.py:FUNCTION such as my_env.py:make, \
                       package.module:FUNCTION, or from-set";
+const WANTED_TRAINER: &str = "wanted FILE.py:FUNCTION such as my_train.py:train, or package.module:FUNCTION";
 
-/// Where an environment comes from.
+/// Where an environment or a trainer comes from.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Source {
     /// Registered in Gymnasium.
@@ -66,24 +67,38 @@ impl Source {
         if let Some(id) = typed.strip_prefix(GYMNASIUM).filter(|id| !id.is_empty()) {
             return Ok(Self::Gymnasium(id.to_owned()));
         }
+        Self::of_function(typed, "environment", WANTED)
+    }
+
+    /// A trainer as it is typed: a function in a file or a module.
+    ///
+    /// # Errors
+    /// `is_bad_input` if it is nothing of that kind, or the file does not exist.
+    pub(crate) fn of_trainer(typed: &str) -> Result<Self> {
+        Self::of_function(typed, "trainer", WANTED_TRAINER)
+    }
+
+    /// A function in a file or a module; `what` and `wanted` are for errors.
+    fn of_function(typed: &str, what: &str, wanted: &str) -> Result<Self> {
         let parts = typed.rsplit_once(':').filter(|(from, name)| !from.is_empty() && !name.is_empty());
         let Some((from, name)) = parts else {
-            let hint = match typed.contains("-v") || typed.contains('/') {
+            let hint = match what == "environment" && (typed.contains("-v") || typed.contains('/')) {
                 true => format!("did you mean {GYMNASIUM}{typed}?"),
-                false => WANTED.to_owned(),
+                false => wanted.to_owned(),
             };
-            let message = format!("'{typed}' is no environment: what is before the colon is missing");
+            let message = format!("'{typed}' is no {what}: what is before the colon is missing");
             return Err(Error::bad_input(message).with_hint(hint));
         };
         if Path::new(from).extension().is_some_and(|extension| extension == "py") {
-            let file = fs::canonicalize(from)
-                .map_err(|error| Error::io("cannot find the environment's file", Path::new(from), &error))?;
+            let file = fs::canonicalize(from).map_err(|error| {
+                Error::io(&format!("cannot find the {what}'s file"), Path::new(from), &error)
+            })?;
             return Ok(Self::File { file, name: name.to_owned() });
         }
         if from.contains(std::path::MAIN_SEPARATOR) {
             let message =
-                format!("'{typed}' is no environment: '{from}' is neither a file of Python nor a module");
-            return Err(Error::bad_input(message).with_hint(WANTED));
+                format!("'{typed}' is no {what}: '{from}' is neither a file of Python nor a module");
+            return Err(Error::bad_input(message).with_hint(wanted));
         }
         Ok(Self::Module { module: from.to_owned(), name: name.to_owned() })
     }
@@ -110,6 +125,17 @@ impl Source {
         };
         // A namespace or a module before an id makes no folder.
         name.rsplit(['/', ':']).next().unwrap_or(&name).to_owned()
+    }
+
+    /// A function's name for people, such as `my_env.py:make`.
+    pub(crate) fn function_name(&self) -> String {
+        match self {
+            Self::File { file, name } => {
+                let file = file.file_name().map(|file| file.to_string_lossy().into_owned());
+                format!("{}:{name}", file.unwrap_or_default())
+            }
+            _ => self.words(),
+        }
     }
 
     /// The file of Python that it is in, where that is known.

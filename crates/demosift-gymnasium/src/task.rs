@@ -7,17 +7,18 @@ use std::time::Duration;
 
 use demosift::data::trajectory::{Parts, Trajectory};
 use demosift::math::rows::Rows;
-use demosift::world::environment::{Episode, Rollout, Specification, Task, Worker};
+use demosift::world::environment::{Episode, Led, Rollout, Specification, Task, Worker};
 use demosift::world::fold::{Fold, FoldOf, Measurements};
 use demosift::world::heuristic::{Heuristic, Score};
+use demosift::world::trainer::Apprentice;
 use demosift::{Error, Result};
 
-use crate::process::Interpreter;
+use crate::process::{Interpreter, Whose};
 use crate::session::{Greeting, Session};
 use crate::source::Source;
 use crate::trial::{self, Repeats, Trial};
 use crate::units::Units;
-use crate::whole::{Act, Sizes};
+use crate::whole::{self, Act, Sizes};
 
 /// The heuristic where none is named.
 pub const DEFAULT_HEURISTIC: &str = "sum reward";
@@ -89,7 +90,8 @@ impl GymnasiumTask {
     /// `is_simulation` if it fails.
     pub fn open(wanted: &Wanted) -> Result<Self> {
         let Wanted { source, python, heuristic, horizon, time_limit } = wanted;
-        let interpreter = Interpreter { python: python.clone(), time_limit: *time_limit };
+        let whose = Whose::environment();
+        let interpreter = Interpreter { python: python.clone(), time_limit: *time_limit, whose };
         let (mut session, greeting) = Session::open(&interpreter, source)?;
         let horizon = horizon_of(*horizon, greeting.limit, source)?;
         let words = heuristic.as_deref().unwrap_or(DEFAULT_HEURISTIC);
@@ -326,6 +328,17 @@ impl Worker for GymnasiumWorker {
             rollouts.extend(played.map_err(|error| error.during(name))?);
         }
         Ok(rollouts)
+    }
+
+    /// Step by step, wherever the policy lives.
+    fn play_led(&mut self, episode: Led<'_>, by: &mut dyn Apprentice) -> Result<Rollout> {
+        let Self { task, session } = self;
+        let session = session.as_mut().ok_or_else(|| Error::simulation("the worker has no environment"))?;
+        let Specification { name, measurements, .. } = task.specification();
+        let parts = whole::play_by(session, &task.sizes(), episode.seed, |observation, action| {
+            by.act(observation, action)
+        })?;
+        rollout(parts, measurements).map_err(|error| error.during(name))
     }
 }
 

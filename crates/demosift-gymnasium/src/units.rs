@@ -37,6 +37,15 @@ impl Units {
         }
     }
 
+    /// An action in the environment's own unit `[act]` as one of a policy: the inverse of [`to_own`](Units::to_own), clipped
+    /// to [−1, 1].
+    pub fn of_policy(&self, own: &[f64], action: &mut [f32]) {
+        for ((action, own), [low, high]) in action.iter_mut().zip(own).zip(&self.bounds) {
+            let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
+            *action = ((own - middle) / half).clamp(-1.0, 1.0) as f32;
+        }
+    }
+
     /// Actions of a policy `[T, act]` as they are recorded: clipped, in the environment's own unit.
     ///
     /// # Errors

@@ -71,6 +71,27 @@ pub struct Act<'a> {
 /// # Errors
 /// Those of `turns`.
 pub fn play(turns: &mut dyn Turns, sizes: &Sizes, act: &Act<'_>) -> Result<Parts> {
+    let mut player = Player::new(act.policy);
+    let mut rng = act.seed.of("act").into_rng();
+    play_by(turns, sizes, act.seed, |observation, action| {
+        match act.acting {
+            Acting::Sampled => player.sample(observation, &mut rng, action),
+            Acting::Mean => player.mean(observation, action),
+        }
+        Ok(())
+    })
+}
+
+/// The same where `choose` fills the action `[act]` on an observation, where −1 and 1 are the ends of what is possible.
+///
+/// # Errors
+/// Those of `turns` and of `choose`.
+pub(crate) fn play_by(
+    turns: &mut dyn Turns,
+    sizes: &Sizes,
+    seed: &Seed,
+    mut choose: impl FnMut(&[f32], &mut [f32]) -> Result<()>,
+) -> Result<Parts> {
     let Sizes { observation, info, horizon, bounds } = sizes;
     let (units, width) = (Units::new(bounds), bounds.len());
     let mut parts = Parts {
@@ -81,16 +102,11 @@ pub fn play(turns: &mut dyn Turns, sizes: &Sizes, act: &Act<'_>) -> Result<Parts
         ended: Ended::Horizon,
     };
     let (mut turn, mut action, mut own) = (Turn::default(), vec![0.0; width], vec![0.0; width]);
-    let mut player = Player::new(act.policy);
-    let mut rng = act.seed.of("act").into_rng();
-    turns.reset(u64::from(act.seed.of("reset").into_rng().next_u32()), &mut turn)?;
+    turns.reset(u64::from(seed.of("reset").into_rng().next_u32()), &mut turn)?;
     parts.observations.push(&turn.observation);
     parts.measurements.push(&vec![0.0; BEFORE_INFO + info]);
     while parts.actions.len() < *horizon && parts.ended == Ended::Horizon {
-        match act.acting {
-            Acting::Sampled => player.sample(&turn.observation, &mut rng, &mut action),
-            Acting::Mean => player.mean(&turn.observation, &mut action),
-        }
+        choose(&turn.observation, &mut action)?;
         units.to_own(&action, &mut own);
         turns.step(&own, &mut turn)?;
         parts.actions.push(&action);

@@ -38,6 +38,18 @@ TINY = {
 FAST = {"preset": "quick", "judge": "cloning", "referee": "cloning=1", "values": TINY, "threads": 2}
 
 
+#: The best linear map from observations to actions.
+LEAST_SQUARES = """
+import numpy
+
+def train(demonstrations, seed):
+    observations = numpy.concatenate([one.observations for one in demonstrations])
+    actions = numpy.concatenate([one.actions for one in demonstrations])
+    weights, *_ = numpy.linalg.lstsq(numpy.c_[observations, numpy.ones(len(observations))], actions, rcond=None)
+    return lambda observation: numpy.append(observation, 1.0) @ weights
+"""
+
+
 def has(*modules):
     return all(importlib.util.find_spec(module) is not None for module in modules)
 
@@ -127,6 +139,49 @@ class TheCommand(InScratch):
         self.assertTrue(pathlib.Path("run/run.json").is_file())
 
 
+class Trainers(InScratch):
+    """A trainer of the user's own, as a third imitator of the referee."""
+
+    def test_the_referee_says_what_it_should_see(self):
+        pathlib.Path("my_train.py").write_text(LEAST_SQUARES)
+        asked = {**FAST, "referee": "trainer=3", "task": "point_mass", "progress": False}
+        result = demosift.sift(drives([0, 10, 170, 175]), trainer="my_train.py:train", out="run", **asked)
+        self.assertIn("by my_train.py:train", result.verdict)
+        self.assertLessEqual(set(result.kept), {0, 1, 2, 3})
+        with self.assertRaisesRegex(demosift.Mistake, "those of your own trainer, my_train.py:train"):
+            result.policy
+        self.assertIn("my_train.py:train", result.report()._repr_html_())
+        # Of one process, as much as of many.
+        shared = demosift.sift(
+            drives([0, 10, 170, 175]), trainer="my_train.py:train", out=pathlib.Path("shared"), map=map, parts=2, **asked
+        )
+        self.assertEqual((shared.folder / "verdict.json").read_bytes(), (result.folder / "verdict.json").read_bytes())
+
+    @unittest.skipUnless(has("cloudpickle"), "cloudpickle is not installed")
+    def test_a_function_of_a_program_travels(self):
+        shift = numpy.array([1.0, 0.0])
+
+        def east(demonstrations, seed):
+            return lambda observation: shift
+
+        asked = {**FAST, "referee": "cloning=3,trainer=3", "task": "point_mass", "progress": False}
+        result = demosift.sift(drives([0, 10, 170, 175]), trainer=east, out="run", **asked)
+        trained = [pair for pair in json.loads((result.folder / "verdict.json").read_text())["pairs"]]
+        of_trainer = {pair["mean"] for pair in trained if pair["imitator"] == "trainer"}
+        self.assertEqual(len(of_trainer), 1, "it learns nothing, whatever it is to learn from")
+
+    def test_what_goes_wrong_is_an_exception(self):
+        pathlib.Path("my_train.py").write_text("def train(demonstrations, seed):\n    raise RuntimeError('the loss is a fish')\n")
+        asked = {**FAST, "referee": "trainer=3", "task": "point_mass", "progress": False}
+        with self.assertRaisesRegex(demosift.Failed, r"RuntimeError: the loss is a fish \(my_train.py, line 2"):
+            demosift.sift(drives([0, 10, 170]), trainer="my_train.py:train", out="run", **asked)
+        pathlib.Path("my_train.py").write_text(LEAST_SQUARES)
+        result = demosift.sift(drives([0, 10, 170]), trainer="my_train.py:train", out="run", resume=True, **asked)
+        self.assertIn("by my_train.py:train", result.verdict)
+        with self.assertRaisesRegex(demosift.Mistake, "trainer is a int"):
+            demosift.sift(drives([0, 10, 170]), trainer=3, **asked)
+
+
 class InParts(InScratch):
     """What several find together is what one process finds, to the bit."""
 
@@ -188,6 +243,20 @@ class Sets(InScratch):
         some = demosift.open(file, columns=["obs/wrist"], episodes="1-2")
         self.assertEqual([len(episode) for episode in some], [3, 5])
         self.assertEqual(demonstrations.inspect()["inspection"]["format"], "robomimic")
+
+
+@unittest.skipUnless(has("gymnasium", "nbconvert", "ipykernel", "sklearn", "pandas", "cloudpickle"), "what it needs is not there")
+class TheNotebook(InScratch):
+    def test_it_runs_from_its_first_cell_to_its_last(self):
+        text = (CHECKOUT / "docs/guides/notebook.ipynb").read_text(encoding="utf-8")
+        self.assertFalse([cell["outputs"] for cell in json.loads(text)["cells"] if cell.get("outputs")], "of no machine")
+        pathlib.Path("notebook.ipynb").write_text(text, encoding="utf-8")
+        words = ["nbconvert", "--to", "notebook", "--execute", "--output", "run.ipynb", "notebook.ipynb"]
+        ran = subprocess.run([sys.executable, "-m", *words], capture_output=True, text=True)
+        self.assertEqual(ran.returncode, 0, ran.stderr)
+        shown = pathlib.Path("run.ipynb").read_text(encoding="utf-8")
+        for words in ["demonstration", "srcdoc", "train on", ".py:train"]:
+            self.assertIn(words, shown)
 
 
 @unittest.skipUnless(has("gymnasium"), "gymnasium is not installed")

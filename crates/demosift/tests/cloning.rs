@@ -37,7 +37,7 @@ fn cloning(seed: u64) -> Config {
     (config.meta_train.rounds, config.meta_train.checkpoint_every) = (10, 3);
     (config.judge.iterations, config.judge.averaged) = (10, 1);
     config.imitate.cloning_updates = 60;
-    config.referee = Refereeing { cloning: 1, gail: 3 };
+    config.referee = Refereeing { cloning: 1, gail: 3, trainer: 0 };
     config
 }
 

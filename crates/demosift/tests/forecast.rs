@@ -82,7 +82,7 @@ fn tiny(method: Method, rule: Rule) -> Config {
             checkpoint_every: 2,
             ..quick.imitate
         },
-        referee: Refereeing { cloning: 3, gail: 1 },
+        referee: Refereeing { cloning: 3, gail: 1, trainer: 0 },
         ..quick
     }
 }

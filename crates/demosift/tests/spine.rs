@@ -93,7 +93,7 @@ fn small(seed: u64) -> Config {
             cloning_updates: 20,
             ..quick.imitate
         },
-        referee: Refereeing { cloning: 3, gail: 1 },
+        referee: Refereeing { cloning: 3, gail: 1, trainer: 0 },
     }
 }
 

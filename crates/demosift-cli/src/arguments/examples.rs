@@ -26,6 +26,8 @@ Examples:
     demosift sift my_lerobot_set --task half_cheetah --episodes 0-49 --without 3,17 --skip-bad
   My simulator is an environment of Gymnasium, in Python of its own:
     demosift sift my_set.hdf5 --env my_env.py:make --python .venv/bin/python --horizon 200
+  What should my own learner see? train(demonstrations, seed) in Python returns a policy:
+    demosift sift my_set.hdf5 --task half_cheetah --trainer my_train.py:train --python .venv/bin/python
   It was interrupted; go on:
     demosift sift --out runs/throws --resume";
 

@@ -5,6 +5,7 @@ mod part;
 mod play;
 mod reproduce;
 mod study;
+mod trainer;
 pub(crate) mod version;
 
 use std::path::PathBuf;
@@ -24,6 +25,7 @@ pub(crate) use part::{PartArgument, RefereeArguments};
 pub(crate) use play::{PictureArguments, PlayArguments};
 pub(crate) use reproduce::ReproduceArguments;
 pub(crate) use study::StudyArguments;
+pub(crate) use trainer::TrainerArguments;
 
 /// Which demonstrations should your agent learn from? Finds out by imitating each one.
 #[derive(Debug, Parser)]
@@ -141,8 +143,8 @@ pub(crate) struct JobArguments {
     pub(crate) judge: Option<JudgesName>,
     /// How many final policies are trained on what was kept, on the whole set and on random subsets, to say whether
     /// selecting helps; an imitator with fewer than three decides nothing [default: as the preset says: cloning=5,gail=1,
-    /// cloning=10,gail=3, or cloning=10,gail=10]
-    #[arg(long, value_name = "cloning=N,gail=N|none")]
+    /// cloning=10,gail=3, or cloning=10,gail=10; with --trainer trainer=N as often as GAIL, and at least 3]
+    #[arg(long, value_name = "cloning=N,gail=N,trainer=N|none")]
     pub(crate) referee: Option<Refereeing>,
     /// How the agent of the paper's judge is prepared to imitate; all methods may spend the same environment steps
     /// [default: maml]
@@ -151,6 +153,8 @@ pub(crate) struct JobArguments {
     /// How much to spend [default: standard]
     #[arg(long, value_enum)]
     pub(crate) preset: Option<PresetName>,
+    #[command(flatten)]
+    pub(crate) trainer: TrainerArguments,
     #[command(flatten)]
     pub(crate) run: RunArguments,
     #[command(flatten)]
@@ -253,7 +257,7 @@ pub(crate) struct SimulatorArguments {
     /// from-set for the one that a Minari set names; see docs/simulators.md
     #[arg(long, value_name = "ENV", conflicts_with = "task")]
     pub(crate) env: Option<String>,
-    /// The Python interpreter in which the environment works, such as .venv/bin/python [default: python3]
+    /// The Python interpreter in which the environment or the trainer works, such as .venv/bin/python [default: python3]
     #[arg(long, value_name = "PATH")]
     pub(crate) python: Option<PathBuf>,
     /// Processes that play at once, each with an environment; more than there are processors make sense where the
@@ -267,7 +271,7 @@ pub(crate) struct SimulatorArguments {
     /// of a number in info, such as "any is_success", "max height" or "negated min gap" [default: sum reward]
     #[arg(long, value_name = "WORDS")]
     pub(crate) heuristic: Option<String>,
-    /// How long a start, a reset or a step may take before it counts as hanging [default: 60]
+    /// How long a start, a reset, a step or an action may take before it counts as hanging [default: 60]
     #[arg(long, value_name = "SECONDS")]
     pub(crate) time_limit: Option<u64>,
     /// Run code that the set names, if its environment is not registered here (for --env from-set)
@@ -457,6 +461,7 @@ impl ReportArguments {
             referee: None,
             method: None,
             preset: None,
+            trainer: TrainerArguments::default(),
             run,
         }
     }

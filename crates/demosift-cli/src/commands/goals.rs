@@ -21,7 +21,10 @@ pub(super) fn run(
     after: Option<Goal<'_>>,
     one: impl FnMut(&mut Job, bool) -> Result<Value>,
 ) -> Result<Job> {
-    let mut job = Job::open(arguments, Prior::Needed)?;
+    let mut job = match whole {
+        Goal::Verdict => Job::open_refereed(arguments, None)?,
+        _ => Job::open(arguments, Prior::Needed)?,
+    };
     match arguments.run.dry_run {
         true => dry_run_each(&mut job, whole, after, &arguments.run)?,
         false => each(&mut job, &arguments.run, one)?,

@@ -96,6 +96,8 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<()> {
         preset: None,
         given: None,
         set: None,
+        referees: false,
+        trainer: None,
     })?;
     let values = values(arguments, given, &plan)?;
     let recording: Recording = configuration::typed(values.clone())?;

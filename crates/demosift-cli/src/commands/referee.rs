@@ -10,7 +10,7 @@ use serde_json::Value;
 use super::{goals, kept_in, part};
 use crate::answers::{self, OfRun};
 use crate::arguments::{JobArguments, PartArgument, RefereeArguments};
-use crate::job::{Job, Prior};
+use crate::job::Job;
 use crate::{console::terminal, tables};
 
 pub(crate) fn run(arguments: &RefereeArguments) -> Result<()> {
@@ -23,7 +23,7 @@ pub(crate) fn run(arguments: &RefereeArguments) -> Result<()> {
 
 /// What a part of the run trains.
 fn share(arguments: &JobArguments, part: Part) -> Result<()> {
-    let mut job = Job::open_part(arguments, Prior::Needed, Some(part))?;
+    let mut job = Job::open_refereed(arguments, Some(part))?;
     if let [_, _, ..] = job.variants() {
         return Err(Error::bad_config("--part is for one goal, and the task has several")
             .with_hint("say which with --variant; `demosift task check` lists them"));

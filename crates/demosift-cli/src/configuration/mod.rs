@@ -8,6 +8,7 @@ pub(crate) mod resolved;
 use std::path::Path;
 
 use demosift::basics::files;
+use demosift::run::experiment::Config;
 use demosift::run::preset::Preset;
 use demosift::{Error, Result};
 use serde::de::DeserializeOwned;
@@ -16,6 +17,9 @@ use toml::{Table, Value};
 /// The table that `record` alone reads.
 pub(crate) const DEMONSTRATOR: &str = "demonstrator";
 const DEMONSTRATOR_VALUES: &str = include_str!("demonstrator.toml");
+
+/// The table of the trainer that the referee asks besides ours; the library does not read it.
+pub(crate) const TRAINER: &str = "trainer";
 
 /// Values and where they come from.
 #[derive(Clone, Debug)]
@@ -91,6 +95,13 @@ pub(crate) fn preset(preset: Preset, task_values: Layer) -> Result<Table> {
     Ok(values)
 }
 
+/// Makes place for what is asked of a trainer, so that a layer may change it; see [`of_job`].
+pub(crate) fn with_trainings_by_trainer(values: &mut Table) {
+    if let Some(Value::Table(referee)) = values.get_mut("referee") {
+        referee.entry(TRAINER).or_insert(Value::Integer(0));
+    }
+}
+
 /// Changes the values of `base` to those of a layer; a key that `base` lacks, or a value of another type, is an error.
 pub(crate) fn apply(base: &mut Table, layer: &Layer) -> Result<()> {
     merge(base, &layer.values, &layer.source, "")
@@ -130,10 +141,21 @@ fn unknown(name: &str, base: &Table, source: &str, parent: &str) -> Error {
     ))
 }
 
-/// What a job depends on: everything but the demonstrator's training.
+/// What a job depends on: everything but the demonstrator's training. Of a trainer that is not asked it says nothing.
 pub(crate) fn of_job(mut values: Table) -> Table {
     values.remove(DEMONSTRATOR);
+    if let Some(Value::Table(referee)) = values.get_mut("referee")
+        && referee.get(TRAINER) == Some(&Value::Integer(0))
+    {
+        referee.remove(TRAINER);
+    }
     values
+}
+
+/// The same as the library takes it.
+pub(crate) fn config_of_job(mut values: Table) -> Result<Config> {
+    values.remove(TRAINER);
+    typed(values)
 }
 
 /// What a recording depends on: the demonstrator's training and the seed.
@@ -168,7 +190,6 @@ pub(crate) fn first_difference(old: &Table, new: &Table) -> Option<(String, Stri
 #[cfg(test)]
 mod tests {
     use super::*;
-    use demosift::run::experiment::Config;
     use demosift::stages::demonstrator::DemonstratorTraining;
     use demosift::stages::select::Keep;
 

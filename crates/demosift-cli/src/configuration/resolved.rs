@@ -9,12 +9,12 @@ use demosift::basics::files;
 use demosift::{Error, Result};
 use toml::Table;
 
-use crate::configuration;
+use crate::configuration::{self, TRAINER};
 
 pub(crate) const RESOLVED: &str = "resolved.toml";
 
 /// What may be asked for differently, and what says so in the configuration.
-const CHANGES: [&str; 3] = ["keep", "referee", JUDGED_FOR];
+const CHANGES: [&str; 4] = ["keep", "referee", TRAINER, JUDGED_FOR];
 /// For how many the run was judged, if that is not what is kept now.
 pub(crate) const JUDGED_FOR: &str = "judged_for";
 

@@ -38,7 +38,7 @@ impl GivenPrior {
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let (identity, folder) = run_folder::of_finished(path)?;
         let values = run_folder::read_configuration(path, &identity)?;
-        let config: Config = configuration::typed(values.clone()).map_err(|error| error.at(path))?;
+        let config: Config = configuration::config_of_job(values.clone()).map_err(|error| error.at(path))?;
         let (Some(prior), Some(bytes)) =
             (MetaPrior::recall(&folder, "").map_err(|error| error.at(path))?, folder.recall(PRIOR)?)
         else {

@@ -8,6 +8,7 @@ pub(crate) mod run_folder;
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use demosift::basics::ledger::Ledger;
 use demosift::basics::part::Part;
@@ -24,6 +25,7 @@ use demosift::stages::method::{Costs, Method};
 use demosift::stages::select::Keep;
 use demosift::world::rollout::Playground;
 use demosift::{Error, Result};
+use demosift_gymnasium::trainer::PythonTrainer;
 use toml::Table;
 
 use crate::arguments::{JobArguments, PresetName, RunArguments};
@@ -33,7 +35,7 @@ use crate::console::interruption;
 use crate::console::terminal::Progress;
 use crate::files::metrics_file::MetricsFile;
 use crate::task::simulator::{self, Simulated};
-use crate::task::{self, Chosen};
+use crate::task::{self, Chosen, trainer};
 use demonstrations::Demonstrations;
 use given_prior::GivenPrior;
 use own_heuristic::Beside;
@@ -60,6 +62,8 @@ pub(crate) struct Job {
     /// The configuration as it is written down.
     values: Table,
     config: Config,
+    /// Whom the referee asks besides ours.
+    trainer: Option<Arc<PythonTrainer>>,
     folder: RunFolder,
     progress: Progress,
 }
@@ -73,6 +77,12 @@ impl Job {
     /// The same for a part of the work: the part begins the run, or joins it.
     pub(crate) fn open_part(arguments: &JobArguments, prior: Prior, part: Option<Part>) -> Result<Self> {
         Self::open_asked(&Asked { part, ..Asked::of(arguments) }, arguments, prior, |_, _| Ok(()))
+    }
+
+    /// The same for what trains final policies, and so needs the trainer that is to be asked.
+    pub(crate) fn open_refereed(arguments: &JobArguments, part: Option<Part>) -> Result<Self> {
+        let asked = Asked { part, referees: true, ..Asked::of(arguments) };
+        Self::open_asked(&asked, arguments, Prior::Needed, |_, _| Ok(()))
     }
 
     /// The same for demonstrations that are judged from the prior of an earlier run; one is enough.
@@ -90,7 +100,7 @@ impl Job {
         set_words(&mut values, arguments)?;
         let values = configuration::of_job(values);
         given.check_values(&values)?;
-        let config: Config = configuration::typed(values.clone())?;
+        let config: Config = configuration::config_of_job(values.clone())?;
         demonstrations.check(&Playground::new(plan.chosen.task.as_ref()), &config)?;
         plan.check_numbers(&demonstrations)?;
         let mut job = Self::of_plan(plan, demonstrations, values, config, arguments.run.dry_run)?;
@@ -127,16 +137,12 @@ impl Job {
             configuration::apply(&mut values, &Layer { source: "--keep".to_owned(), values: layer })?;
         }
         set_words(&mut values, arguments)?;
-        if let Some(refereeing) = arguments.referee {
-            let layer = Table::try_from(refereeing).expect("two numbers are a table");
-            let layer = Table::from_iter([("referee".to_owned(), toml::Value::Table(layer))]);
-            configuration::apply(&mut values, &Layer { source: "--referee".to_owned(), values: layer })?;
-        }
+        trainer::ask(&mut values, arguments, &plan.chosen)?;
         let mut values = configuration::of_job(values);
         if let Some(begun) = &plan.begun {
             asked_again::remember(&plan.out, &begun.configuration, &mut values);
         }
-        let config: Config = configuration::typed(values.clone())?;
+        let config: Config = configuration::config_of_job(values.clone())?;
         let playground = Playground::new(plan.chosen.task.as_ref());
         demonstrations.check(&playground, &config)?;
         check(&demonstrations.set, &config)?;
@@ -152,7 +158,9 @@ impl Job {
         if let Some(simulated) = &plan.chosen.simulated {
             simulated.notes(arguments.judge.is_none() && !asks_for_it);
         }
-        Self::of_plan(plan, demonstrations, values, config, arguments.run.dry_run)
+        let trainer = if asked.referees { trainer::open(&values, arguments, &plan.chosen)? } else { None };
+        let job = Self::of_plan(plan, demonstrations, values, config, arguments.run.dry_run)?;
+        Ok(Self { trainer: trainer.map(Arc::new), ..job })
     }
 
     /// Begins the run or goes on with it, once everything that it depends on is known.
@@ -173,7 +181,19 @@ impl Job {
             false => Progress::new(MetricsFile::of(&folder.written())?),
         };
         let chosen = plan.chosen;
-        Ok(Self { set, path, data, left_out, numbers, chosen, values, config, folder, progress })
+        Ok(Self {
+            set,
+            path,
+            data,
+            left_out,
+            numbers,
+            chosen,
+            values,
+            config,
+            trainer: None,
+            folder,
+            progress,
+        })
     }
 
     /// The same job for one of the task's several goals, in a folder of its own within that of this one; it starts from what
@@ -203,6 +223,7 @@ impl Job {
             chosen,
             values: self.values.clone(),
             config: self.config.clone(),
+            trainer: self.trainer.clone(),
             folder,
             progress,
         })
@@ -210,7 +231,10 @@ impl Job {
 
     /// Does a part of the job.
     pub(crate) fn run<T>(&mut self, work: impl FnOnce(&mut Run<'_>) -> Result<T>) -> Result<T> {
-        let playground = self.chosen.playground()?;
+        let mut playground = self.chosen.playground()?;
+        if let Some(trainer) = &self.trainer {
+            playground = playground.with_trainer(trainer.as_ref());
+        }
         let outcome = work(&mut Run {
             set: &self.set,
             playground: &playground,
@@ -353,13 +377,18 @@ pub(crate) struct Asked<'a> {
     pub(crate) set: Option<&'a Path>,
     /// Which part of the run's work is to be done.
     pub(crate) part: Option<Part>,
+    /// Whether final policies are trained, and so a trainer may be needed.
+    pub(crate) referees: bool,
+    /// The trainer that is typed.
+    pub(crate) trainer: Option<&'a str>,
 }
 
 impl<'a> Asked<'a> {
     fn of(arguments: &'a JobArguments) -> Self {
         let JobArguments { run, variant, preset, demonstrations, .. } = arguments;
         let (variant, set) = (variant.as_deref(), demonstrations.as_deref());
-        Self { run, variant, preset: *preset, given: None, set, part: None }
+        let trainer = arguments.trainer.trainer.as_deref();
+        Self { run, variant, preset: *preset, given: None, set, part: None, referees: false, trainer }
     }
 }
 
@@ -377,7 +406,7 @@ pub(crate) struct Request {
 
 impl Request {
     pub(crate) fn of(asked: &Asked<'_>) -> Result<Self> {
-        let Asked { run: arguments, variant, preset, given, set, part } = *asked;
+        let Asked { run: arguments, variant, preset, given, set, part, trainer: typed, .. } = *asked;
         let task_of_prior = given.map(|given| &given.identity.task);
         let env = match &arguments.out {
             Some(_) => None,
@@ -399,7 +428,8 @@ impl Request {
         let environment = earlier.filter(|_| arguments.task.is_none()).and_then(Identity::environment);
         let name = arguments.task.as_ref().or(earlier.map(|identity| &identity.task)).map(String::as_str);
         let none = || if arguments.resume { run_folder::nothing_to_resume(&out) } else { task::missing() };
-        let mut chosen = match simulator::open(&arguments.simulator, set, environment)? {
+        let has_trainer = trainer::is_asked(typed, begun.as_ref().map(|begun| &begun.configuration));
+        let mut chosen = match simulator::open(&arguments.simulator, set, environment, has_trainer)? {
             Some(simulated) => task::in_python(simulated)?,
             None => task::choose(name.ok_or_else(none)?)?,
         };
@@ -430,6 +460,7 @@ impl Request {
         if let Some(begun) = &begun {
             values.extend(asked_again::last(&begun.configuration));
         }
+        configuration::with_trainings_by_trainer(&mut values);
         for layer in layers(arguments)? {
             configuration::apply(&mut values, &layer)?;
         }

@@ -164,7 +164,7 @@ function variants() {
       el("tbody", {}, rows))));
 }
 
-const IMITATORS = { behavioral_cloning: "cloning", gail: "GAIL" };
+const IMITATORS = { behavioral_cloning: "cloning", gail: "GAIL", trainer: report.verdict?.trainer?.name ?? "trainer" };
 
 // What is trained on, as the rows of the picture name it.
 function candidateName({ names, side, size }) {

@@ -25,6 +25,15 @@ pub(crate) fn in_words(forecast: &Forecast, threads: usize) -> String {
         wrapped(&what),
         table(&["stage", "environment steps", "updates", "minutes"], &rows)
     );
+    let by_trainer: usize = forecast.stages.iter().map(|stage| stage.planned.by_trainer).sum();
+    if by_trainer > 0 {
+        let trainings = if by_trainer == 1 { "training" } else { "trainings" };
+        let words = format!(
+            "On top come {by_trainer} {trainings} by your own trainer, whose time is not known: only playing their policies is \
+             counted, and asking these for actions is not."
+        );
+        said += &format!("\n{}\n", wrapped(&words));
+    }
     if forecast.stages.iter().any(|stage| stage.planned.at_most) {
         said += "\n* may end earlier\n";
     }

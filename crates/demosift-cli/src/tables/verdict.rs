@@ -1,12 +1,12 @@
 //! What the referee says: a pair a row, and the sentence below.
 
-use demosift::stages::referee::{Candidate, Pair, Side, Verdict, imitator_name};
+use demosift::stages::referee::{Candidate, Imitator, Pair, Side, Verdict};
 
 use super::{Scale, percent, table, wrapped};
 
 /// All pairs, and what to train on.
 pub(crate) fn verdict(verdict: &Verdict, unit: &str) -> String {
-    let sentence = format!("{}\n", wrapped(&verdict.sentence));
+    let sentence = format!("{}\n{}", wrapped(&verdict.sentence), whereabouts(verdict));
     if verdict.pairs.is_empty() {
         return sentence;
     }
@@ -22,7 +22,7 @@ pub(crate) fn verdict(verdict: &Verdict, unit: &str) -> String {
     let row = |(index, pair): (usize, &Pair)| {
         let mut row = vec![
             name(&verdict.candidates[pair.trained.candidate]),
-            imitator_name(pair.trained.imitator).to_owned(),
+            verdict.imitator_name(pair.trained.imitator).to_owned(),
             pair.trained.trainings.len().to_string(),
             with_interval(pair, scale),
         ];
@@ -35,6 +35,19 @@ pub(crate) fn verdict(verdict: &Verdict, unit: &str) -> String {
     let rows: Vec<Vec<String>> = verdict.pairs.iter().enumerate().map(row).collect();
     let what = "Final policies, several trainings each; the interval is over trainings (higher is better):";
     format!("{what}\n\n{}\n{sentence}", table(&header, &rows))
+}
+
+/// Where the policy is, where it is none of ours.
+fn whereabouts(verdict: &Verdict) -> String {
+    if verdict.winning_imitator() != Some(Imitator::Trainer) {
+        return String::new();
+    }
+    let words = format!(
+        "The policies of {} are its own, so the run keeps none as safetensors; one that it wrote as ONNX is policy_best.onnx. \
+         Let it train on these demonstrations; `demosift export` hands them on.",
+        verdict.imitator_name(Imitator::Trainer)
+    );
+    format!("{}\n", wrapped(&words))
 }
 
 /// A candidate in a table; which demonstrations it has, the sentence says.

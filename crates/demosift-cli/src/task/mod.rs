@@ -1,6 +1,7 @@
 //! Which task is meant: one that comes with demosift, or a user's own.
 
 pub(crate) mod simulator;
+pub(crate) mod trainer;
 
 use std::path::Path;
 
@@ -92,7 +93,7 @@ pub(crate) fn in_python(simulated: Simulated) -> Result<Chosen> {
 
 /// The task that a run was about, by its name, or its environment.
 pub(crate) fn of_run(name: &str, environment: Option<Earlier<'_>>) -> Result<Chosen> {
-    match simulator::open(&SimulatorArguments::default(), None, environment)? {
+    match simulator::open(&SimulatorArguments::default(), None, environment, false)? {
         Some(simulated) => in_python(simulated),
         None => choose(name),
     }

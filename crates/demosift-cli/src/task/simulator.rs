@@ -19,7 +19,7 @@ use crate::configuration::Layer;
 use crate::console::terminal;
 
 /// The interpreter where none is named.
-const PYTHON: &str = "python3";
+pub(super) const PYTHON: &str = "python3";
 /// How long a start, a reset or a step may take where nobody says.
 const TIME_LIMIT_SECS: u64 = 60;
 /// More workers than any machine has processors are a typing mistake, and would be started.
@@ -124,11 +124,12 @@ pub(crate) struct Earlier<'a> {
 
 /// Opens the environment that is asked for, or that an earlier run was about; `None` if it is a task that is meant.
 ///
-/// `set` is the set of demonstrations that `from-set` means.
+/// `set` is the set of demonstrations that `from-set` means; `has_trainer` says whether some options may be about a trainer.
 pub(crate) fn open(
     asked: &SimulatorArguments,
     set: Option<&Path>,
     earlier: Option<Earlier<'_>>,
+    has_trainer: bool,
 ) -> Result<Option<Simulated>> {
     let simulator = earlier.map(|earlier| earlier.simulator);
     let source = match (&asked.env, earlier) {
@@ -137,23 +138,27 @@ pub(crate) fn open(
             Some(spec) => Source::Set { spec: spec.clone(), trusted: simulator.trusted || asked.trust_set },
             None => Source::parse(env, set, false)?,
         },
-        (None, None) => return asked.check_unused().map(|()| None),
+        (None, None) => return asked.check_unused(has_trainer).map(|()| None),
     };
     let python = asked.python.as_deref().map(absolute).transpose()?;
     let workers = asked.workers.unwrap_or_else(rayon::current_num_threads);
     check_workers(workers)?;
-    let time_limit = match asked.time_limit.unwrap_or(TIME_LIMIT_SECS) {
-        0 => return Err(Error::bad_config("--time-limit 0: must be at least 1 second")),
-        secs => Duration::from_secs(secs),
-    };
     let task = GymnasiumTask::open(&Wanted {
         source,
         python: python.or(simulator.map(|of| of.python.clone())).unwrap_or_else(|| PYTHON.into()),
         heuristic: asked.heuristic.clone().or(simulator.map(|of| of.heuristic.clone())),
         horizon: asked.horizon.or(simulator.map(|of| of.horizon)),
-        time_limit,
+        time_limit: time_limit(asked)?,
     })?;
     Ok(Some(Simulated { task, workers }))
+}
+
+/// How long a start, a reset, a step or an action may take.
+pub(super) fn time_limit(asked: &SimulatorArguments) -> Result<Duration> {
+    match asked.time_limit.unwrap_or(TIME_LIMIT_SECS) {
+        0 => Err(Error::bad_config("--time-limit 0: must be at least 1 second")),
+        secs => Ok(Duration::from_secs(secs)),
+    }
 }
 
 /// Whether so many workers can be meant.
@@ -204,7 +209,7 @@ pub(crate) fn difference(
 }
 
 /// An interpreter by its path from any working directory; a link is kept, since an environment of Python is known by it.
-fn absolute(python: &Path) -> Result<PathBuf> {
+pub(super) fn absolute(python: &Path) -> Result<PathBuf> {
     if python.components().count() < 2 {
         return Ok(python.to_owned());
     }
@@ -212,15 +217,15 @@ fn absolute(python: &Path) -> Result<PathBuf> {
 }
 
 impl SimulatorArguments {
-    /// Refuses what would say nothing.
-    fn check_unused(&self) -> Result<()> {
+    /// Refuses what would say nothing; an interpreter and a time limit may be those of a trainer.
+    fn check_unused(&self, has_trainer: bool) -> Result<()> {
         let Self { env: _, python, workers, horizon, heuristic, time_limit, trust_set } = self;
         let given = [
-            ("--python", python.is_some()),
+            ("--python", python.is_some() && !has_trainer),
             ("--workers", workers.is_some()),
             ("--horizon", horizon.is_some()),
             ("--heuristic", heuristic.is_some()),
-            ("--time-limit", time_limit.is_some()),
+            ("--time-limit", time_limit.is_some() && !has_trainer),
             ("--trust-set", *trust_set),
         ];
         match given.iter().find(|(_, is_given)| *is_given) {

@@ -1,6 +1,7 @@
-"""Plays one Gymnasium environment for demosift, which asks over standard input and is answered over standard output.
+"""Plays one Gymnasium environment for demosift, or trains and plays policies by a trainer of the user's own.
 
-demosift hands this file to the user's own interpreter, so it needs numpy and gymnasium and nothing of demosift.
+demosift asks over standard input and is answered over standard output.
+It hands this file to the user's own interpreter, so it needs numpy, for environments gymnasium, and nothing of demosift.
 Where the wheel of demosift can be imported too, whole episodes are played here by the same code that steps it otherwise.
 What is asked and answered are frames: the length of the payload (u32), one letter, the payload; all numbers little-endian.
 
@@ -11,6 +12,11 @@ What is asked and answered are frames: the length of the payload (u32), one lett
 | `R` reset | seed, u64 | `T` turn | see `turn` |
 | `S` step | action in the environment's own unit, f64 each | `T` turn | see `turn` |
 | `P` play | policy and seeds, see `src/whole.rs` | `W` played | episodes; before it may stand any number of `H`, for "still playing" |
+| `L` learn with | JSON: trainer, sizes of an observation and an action | `K` done | JSON: versions |
+| `D` demonstration | its number of steps, u32; observations and actions, f32 each | `K` done | none |
+| `N` now train | seed, u64 | `K` done | JSON: the path of an ONNX file, if the policy is one |
+| `B` begin an episode | none | `K` done | none |
+| `A` act | observation, f32 each | `A` action | f64 each |
 | | | `E` error | JSON: what was wrong |
 
 It ends when standard input does, and with its parent.
@@ -23,8 +29,9 @@ import signal
 import struct
 import sys
 
-PROTOCOL = 2
+PROTOCOL = 3
 LETTERS = {"open": b"O", "measure": b"M", "reset": b"R", "step": b"S", "play": b"P"}
+LEARNING = {"learn": b"L", "demonstration": b"D", "train": b"N", "begin": b"B", "act": b"A"}
 TERMINATED, TRUNCATED = 1, 2
 PR_SET_PDEATHSIG = 1
 DEEPEST = 8
@@ -72,11 +79,18 @@ def make(asked):
         return gymnasium.make(spec, disable_env_checker=True)
     if asked["kind"] == "gymnasium":
         return gymnasium.make(asked["name"], disable_env_checker=True)
-    module = import_file(asked["file"]) if asked["kind"] == "file" else __import__("importlib").import_module(asked["module"])
-    found = module
+    found = named(asked)
+    return found() if callable(found) else found
+
+
+def named(asked):
+    """What has this name in a file or module."""
+    import importlib
+
+    found = import_file(asked["file"]) if asked["kind"] == "file" else importlib.import_module(asked["module"])
     for part in asked["name"].split("."):
         found = getattr(found, part)
-    return found() if callable(found) else found
+    return found
 
 
 def spec_of(text):
@@ -217,16 +231,22 @@ def seconds(found):
 
 def versions(env):
     """Of all that the physics depend on."""
+    import gymnasium
+
+    own = type(getattr(env, "unwrapped", env)).__module__.split(".")[0]
+    simulators = ["mujoco", "pybullet", "robosuite", "dm_control", "Box2D", "sapien", "torch", "jax"]
+    return {"gymnasium": gymnasium.__version__, **versions_of([*simulators, own])}
+
+
+def versions_of(names):
+    """Of Python, numpy and those of these modules that are imported."""
     import platform
     from importlib import metadata
 
-    import gymnasium
     import numpy
 
-    found = {"python": platform.python_version(), "gymnasium": gymnasium.__version__, "numpy": numpy.__version__}
-    own = type(getattr(env, "unwrapped", env)).__module__.split(".")[0]
-    simulators = ["mujoco", "pybullet", "robosuite", "dm_control", "Box2D", "sapien", "torch", "jax"]
-    for name in [*simulators, own]:
+    found = {"python": platform.python_version(), "numpy": numpy.__version__}
+    for name in names:
         module = sys.modules.get(name)
         if module is None or name in found:
             continue
@@ -367,15 +387,132 @@ class Player:
         }
 
 
+class Learner:
+    """A trainer, the demonstrations that it is to learn from, and the policy that it made of them."""
+
+    def __init__(self, asked):
+        import numpy
+
+        self.numpy = numpy
+        self.observation, self.action = asked["observation"], asked["action"]
+        self.train_with = named(asked)
+        if not callable(self.train_with):
+            raise Refused(
+                f"'{asked['name']}' is of type {type(self.train_with).__name__}, and a trainer is a function",
+                "wanted train(demonstrations, seed), which returns a policy: a function from an observation to an action",
+            )
+        self.demonstrations, self.policy, self.steps = [], None, 0
+
+    def versions(self):
+        return versions_of(["torch", "jax", "sklearn", "tensorflow", "stable_baselines3", "imitation", "onnxruntime"])
+
+    def add(self, payload):
+        """One more demonstration: arrays of its own, which the trainer may change."""
+        (steps,) = struct.unpack_from("<I", payload)
+        numbers = self.numpy.frombuffer(payload, self.numpy.dtype("<f4"), offset=4).astype(self.numpy.float32)
+        observations, actions = self.numpy.split(numbers, [steps * self.observation])
+        self.demonstrations.append(
+            Demonstration(observations.reshape(steps, self.observation), actions.reshape(steps, self.action))
+        )
+
+    def train(self, seed):
+        """Trains once; says which file the policy is, if it is one."""
+        import random
+
+        random.seed(seed)
+        self.numpy.random.seed(seed)
+        if "torch" in sys.modules:
+            sys.modules["torch"].manual_seed(seed)
+        made = self.train_with(self.demonstrations, seed)
+        path = None
+        if isinstance(made, (str, os.PathLike)):
+            path = os.path.abspath(os.fspath(made))
+            made = onnx_policy(path, self.observation)
+        if not callable(made):
+            raise Refused(
+                f"it returned {'None' if made is None else f'an object of type {type(made).__name__}'}, which is no policy",
+                "wanted a function (or an object that can be called) from an observation to an action, or the path of an .onnx file",
+            )
+        # What it learned from is not needed any more.
+        self.policy, self.demonstrations = made, []
+        return json.dumps({"onnx": path}).encode()
+
+    def begin(self):
+        self.steps = 0
+        reset = getattr(self.policy, "reset", None)
+        if callable(reset):
+            reset()
+        return b"null"
+
+    def act(self, payload):
+        observation = self.numpy.frombuffer(payload, self.numpy.dtype("<f4")).astype(self.numpy.float32)
+        action = self.policy(observation)
+        self.steps += 1
+        if hasattr(action, "detach"):
+            action = action.detach().cpu().numpy()
+        action = self.numpy.asarray(action, dtype="<f8").ravel()
+        if action.size != self.action:
+            raise Refused(f"its policy returned {action.size} numbers at step {self.steps}, and an action has {self.action}")
+        if not self.numpy.isfinite(action).all():
+            wrong = action[~self.numpy.isfinite(action)][0]
+            raise Refused(f"its policy returned {wrong} in the action at step {self.steps}, and must return finite numbers")
+        return action.tobytes()
+
+
+class Demonstration:
+    """An episode: observations [T, obs] and actions [T, act]."""
+
+    def __init__(self, observations, actions):
+        self.observations, self.actions = observations, actions
+
+    def __len__(self):
+        return len(self.actions)
+
+    def __repr__(self):
+        return f"Demonstration({len(self)} steps)"
+
+
+def onnx_policy(path, width):
+    """The policy in a file of ONNX: its one input [1, obs] to its first output."""
+    import numpy
+
+    if not path.endswith(".onnx") or not os.path.isfile(path):
+        raise Refused(
+            f"it returned the path '{path}', which is no ONNX file", "wanted a policy, or the path of an .onnx file that is there"
+        )
+    try:
+        import onnxruntime
+    except ImportError:
+        raise Refused(
+            f"it returned the ONNX file '{path}', and onnxruntime is not installed in this interpreter",
+            "install onnxruntime there, or return a function from an observation to an action",
+        ) from None
+    try:
+        session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
+    except Exception as error:
+        raise Refused(f"its ONNX file '{path}' cannot be opened: {error}") from None
+    inputs = session.get_inputs()
+    if len(inputs) != 1 or inputs[0].type not in ("tensor(float)", "tensor(double)"):
+        found = ", ".join(f"{one.name}: {one.type}" for one in inputs)
+        raise Refused(
+            f"its ONNX file has the inputs {found}", "wanted one input of floating-point numbers, [1, obs]; or return a function"
+        )
+    name, kind = inputs[0].name, numpy.float64 if inputs[0].type == "tensor(double)" else numpy.float32
+    return lambda observation: session.run(None, {name: observation.astype(kind).reshape(1, width)})[0]
+
+
 class Desk:
     """Answers one frame after the other; `beat` says that an answer is still worked on."""
 
     def __init__(self, beat):
         self.player = None
+        self.learner = None
         self.beat = beat
         self.episodes = None
 
     def answer(self, letter, payload):
+        if letter in LEARNING.values():
+            return self.learn(letter, payload)
         if letter == LETTERS["step"]:
             return b"T", self.player.step(payload)
         if letter == LETTERS["play"]:
@@ -392,6 +529,19 @@ class Desk:
             self.episodes, greeting["player"] = player_of_episodes()
             return b"G", json.dumps(greeting).encode()
         raise ValueError(f"the request {letter!r} is unknown to a worker of protocol {PROTOCOL}")
+
+    def learn(self, letter, payload):
+        if letter == LEARNING["act"]:
+            return b"A", self.learner.act(payload)
+        if letter == LEARNING["begin"]:
+            return b"K", self.learner.begin()
+        if letter == LEARNING["train"]:
+            return b"K", self.learner.train(struct.unpack("<Q", payload)[0])
+        if letter == LEARNING["demonstration"]:
+            self.learner.add(payload)
+            return b"K", b"null"
+        self.learner = Learner(json.loads(payload))
+        return b"K", json.dumps({"protocol": PROTOCOL, "versions": self.learner.versions()}).encode()
 
     def measure(self, asked):
         """Measures these from now on; the answer lists all there are if one of them is missing."""

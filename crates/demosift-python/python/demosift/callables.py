@@ -24,7 +24,14 @@ sys.path += [folder for folder in {folders!r} if folder not in sys.path]
 function = cloudpickle.loads(base64.b64decode("""
 {lines}
 """))
+{name} = function
 '''
+
+
+_WANTED = {
+    "env": "a function without arguments, a class",
+    "trainer": "a function of demonstrations and a seed",
+}
 
 
 def named(function: str | Callable[..., Any], what: str) -> str:
@@ -38,7 +45,7 @@ def named(function: str | Callable[..., Any], what: str) -> str:
         return function
     if not callable(function):
         raise Mistake(
-            f"{what} is a {type(function).__name__}", "wanted a function without arguments, a class, or its name as text"
+            f"{what} is a {type(function).__name__}", f"wanted {_WANTED[what]}, or its name as text"
         )
     module_name, name = getattr(function, "__module__", None), getattr(function, "__qualname__", None)
     module = sys.modules.get(module_name or "")
@@ -73,8 +80,11 @@ def _pickled(function: Callable[..., Any], what: str) -> str:
             "install cloudpickle, or put it into a file and import it from there",
         ) from error
     pickled = base64.encodebytes(cloudpickle.dumps(function)).decode()
-    text = _PICKLED.format(lines=pickled.strip(), folders=_own_folders()).encode()
+    own = getattr(function, "__name__", "function")
+    # A lambda's is no name.
+    name = own if own.isidentifier() else "function"
+    text = _PICKLED.format(lines=pickled.strip(), folders=_own_folders(), name=name).encode()
     path = HOME / f"function-{hashlib.sha256(text).hexdigest()[:12]}.py"
     if not path.exists():
         write_whole(path, lambda file: file.write(text))
-    return f"{Path(path).absolute()}:function"
+    return f"{Path(path).absolute()}:{name}"

@@ -87,12 +87,30 @@ class Result:
 
     @cached_property
     def policy(self) -> Policy:
-        """The policy to take, called with an observation; in an environment of Python it acts in its own unit."""
+        """The policy to take, called with an observation; in an environment of Python it acts in its own unit.
+
+        Where your own trainer did best there is none, and its error says what to do.
+        """
         path = self.folder / "policy_best.safetensors"
+        trainer = self._winning_trainer()
+        if trainer is not None:
+            onnx = self.folder / "policy_best.onnx"
+            raise Mistake(
+                f"the best policies are those of your own trainer, {trainer}: {self.folder}",
+                f"the best of them is {onnx}" if onnx.is_file() else "let it train on result.kept",
+            )
         if not path.is_file():
             raise Mistake(f"the run has no policy: {self.folder}", "the referee trains policies; it was asked for none")
         simulator = (self._read("run.json") or {}).get("simulator") or {}
         return Policy(path, simulator.get("bounds"))
+
+    def _winning_trainer(self) -> str | None:
+        """The user's own trainer, if that is who should train."""
+        found = self._read("verdict.json") or {}
+        winner = found.get("winner")
+        if winner is None or found["pairs"][winner]["imitator"] != "trainer":
+            return None
+        return str(found["trainer"]["name"])
 
     def report(self) -> Report:
         """The page of the run, made if it is not there."""
@@ -130,6 +148,7 @@ def sift(
     resume: bool = False,
     values: Mapping[str, Any] | None = None,
     python: str | os.PathLike[str] | None = None,
+    trainer: str | Callable[[list[Any], int], Any] | None = None,
     progress: bool = True,
     map: Map | None = None,
     parts: int | None = None,
@@ -142,17 +161,22 @@ def sift(
     without arguments, or class, that makes one; `task` is a task of demosift instead.
     `heuristic` says what a good episode is, such as ``"any is_success"``; by default the sum of rewards.
     `imitation` is ``"cloning"`` or ``"gail"`` if only that is to judge and train.
-    `python` is the interpreter of the environment, by default this one.
+    `python` is the interpreter of the environment and the trainer, by default this one.
+    `trainer` trains policies of your own kind: ``train(demonstrations, seed)`` gets a list of episodes with `observations`
+    `[T, obs]` and `actions` `[T, act]`, and returns a policy, a function from an observation to an action; or its name,
+    ``"my_train.py:train"``. The referee then says what *that* learner should be trained on.
     `values` are values of the configuration, such as ``{"judge.iterations": 3}``.
     Other keywords are options of ``demosift sift``: ``preset="quick"``, ``judge="cloning"``, ``referee="none"``, ``keep=5``,
-    ``seed=1``, ``threads=2``, ``variant="left"``, ``time_limit=120``.
+    ``seed=1``, ``threads=2``, ``variant="left"``, ``time_limit=120``, ``trainer_timeout=3600``.
 
     Ctrl-C stops it, and ``resume=True`` goes on.
 
     `map` shares the work out in `parts`, such as the `map` of a pool of processes or those of `demosift.engines`; the folder
     `out` must be seen by all who take part.
     """
-    job = _job(env=env, task=task, python=python, heuristic=heuristic, workers=workers, horizon=horizon)
+    job = _job(
+        env=env, trainer=trainer, task=task, python=python, heuristic=heuristic, workers=workers, horizon=horizon
+    )
     values = dict(values or {})
     words = [f"{key}={value}" for key, value in values.items()]
     if imitation is not None:
@@ -238,13 +262,20 @@ def export(result: Result | str | os.PathLike[str], form: str, out: str | os.Pat
 
 
 def _job(
-    *, env: str | Callable[[], Any] | None, python: str | os.PathLike[str] | None, **options: Any
+    *,
+    env: str | Callable[[], Any] | None,
+    python: str | os.PathLike[str] | None,
+    trainer: str | Callable[..., Any] | None = None,
+    **options: Any,
 ) -> list[str]:
-    """The environment or task as options."""
-    if env is None:
-        return command.options(**options)
-    python = python or sys.executable
-    return command.options(env=named(env, "env"), python=python, **options)
+    """The environment or task, and the trainer, as options."""
+    ours = {
+        "env": None if env is None else named(env, "env"),
+        "trainer": None if trainer is None else named(trainer, "trainer"),
+    }
+    if ours["env"] or ours["trainer"]:
+        ours["python"] = os.fspath(python or sys.executable)
+    return command.options(**ours, **options)
 
 
 def _table(rows: list[dict[str, Any]]) -> Any:

@@ -30,7 +30,7 @@ use crate::stages::demonstrator::Stage;
 use crate::stages::imitate::{CurvePoint, LearningCurve};
 use crate::stages::judge::{AdaptedPolicy, Judged, ScoreTable, Suitability};
 use crate::stages::method::Spent;
-use crate::stages::referee::Verdict;
+use crate::stages::referee::{ByTrainer, Verdict};
 use crate::stages::select::{Ranking, Subset};
 use crate::stages::subset_selection::Weighing;
 use crate::world::environment::EnvVariant;
@@ -231,6 +231,26 @@ impl Artifact for LearningCurve {
         let best = Tensors::read_sealed(&bytes, &name)?.policy(POLICY)?;
         let CurveFile { demos, points, outcome, end, played } = file;
         Ok(Some(Self { demos, points, outcome, end, played, best }))
+    }
+}
+
+/// A training by a trainer, and beside it the policy where it is a file of ONNX.
+impl Artifact for ByTrainer {
+    fn store(&self, ledger: &mut dyn Ledger, part: &str) -> Result<()> {
+        let policy = format!("policy_{part}.onnx");
+        match &self.onnx {
+            Some(onnx) => ledger.store(&policy, onnx)?,
+            // That of another trainer, which was there before.
+            None => ledger.forget(&policy)?,
+        }
+        store_json(ledger, &format!("training_{part}.json"), self)
+    }
+
+    fn recall(ledger: &dyn Ledger, part: &str) -> Result<Option<Self>> {
+        let found: Option<Self> = recall_json(ledger, &format!("training_{part}.json"))?;
+        let Some(found) = found else { return Ok(None) };
+        let onnx = ledger.recall(&format!("policy_{part}.onnx"))?;
+        Ok(Some(Self { onnx, ..found }))
     }
 }
 

@@ -78,6 +78,7 @@ impl Foreseen {
         self.planned.environment_steps += other.planned.environment_steps;
         self.planned.updates += other.planned.updates;
         self.planned.at_most |= other.planned.at_most;
+        self.planned.by_trainer += other.planned.by_trainer;
     }
 }
 

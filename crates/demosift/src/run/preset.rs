@@ -127,7 +127,7 @@ impl Preset {
                 checkpoint_every: 10,
             },
             // By cloning they cost little; of GAIL, which is expensive, quick shows one and decides nothing by it.
-            referee: Refereeing { cloning: self.by(5, 10, 10), gail: self.by(1, 3, 10) },
+            referee: Refereeing { cloning: self.by(5, 10, 10), gail: self.by(1, 3, 10), trainer: 0 },
         }
     }
 

@@ -2,7 +2,7 @@
 //!
 //! Whether selecting helped cannot be seen in one training a side: another seed moves a policy by more than most
 //! selections do. So each candidate (what was kept, the whole set, and random subsets as large as the kept) is imitated
-//! by each imitator (cloning and GAIL) several times, and the scores of the trainings are compared, never those of
+//! by each imitator (cloning, GAIL and, where there is one, somebody else's trainer) several times, and the scores of the trainings are compared, never those of
 //! episodes alone.
 //!
 //! | step | here |
@@ -19,8 +19,10 @@
 //! are treated as independent all the same, which is on the safe side, since sharing makes them rise and fall together.
 //! `docs/design.md` says why each choice was made, and holds the error rates that were measured.
 
+mod by_trainer;
 mod contest;
 mod decision;
+mod imitators;
 mod rates;
 mod welch;
 mod words;
@@ -34,9 +36,12 @@ use crate::data::demonstration::DemoId;
 use crate::learning::adapt::{InnerUpdate, Rule};
 use crate::stages::imitate::{CurvePoint, Imitation, LearningCurve};
 use crate::world::heuristic::Score;
+use crate::world::trainer::TrainerIdentity;
 
+pub use by_trainer::{ByTrainer, steps_by_trainer, train_by};
 pub use contest::{Contest, Meant, Unit, hopeless, meant};
 pub use decision::decide;
+pub use imitators::{IMITATORS, Imitator, Refereeing};
 pub use rates::{ConclusionRates, conclusion_rates, upper_bound};
 
 /// Name of the stage in events and costs.
@@ -47,79 +52,6 @@ pub const LEVEL: f64 = 0.05;
 
 /// Trainings that a pair needs on either side to be compared; with fewer it is shown and decides nothing.
 pub const DECISIVE: usize = 3;
-
-/// The imitators, the cheapest first.
-pub const IMITATORS: [Rule; 2] = [Rule::BehavioralCloning, Rule::Gail];
-
-/// How often each candidate is imitated from scratch, written `none`, or such as `cloning=10,gail=3`; not in the paper.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-pub struct Refereeing {
-    /// Trainings by behavioral cloning.
-    pub cloning: usize,
-    /// Trainings by GAIL.
-    pub gail: usize,
-}
-
-impl Refereeing {
-    /// What may be written, for errors.
-    pub const WORDS: &str = "none, or numbers of trainings such as cloning=10,gail=3";
-
-    /// Trainings of a pair by this imitator.
-    pub fn trainings(&self, imitator: Rule) -> usize {
-        match imitator {
-            Rule::BehavioralCloning => self.cloning,
-            Rule::Gail => self.gail,
-        }
-    }
-
-    /// Trainings of a pair by the imitator that has most.
-    pub fn most(&self) -> usize {
-        self.cloning.max(self.gail)
-    }
-}
-
-impl std::fmt::Display for Refereeing {
-    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self { cloning: 0, gail: 0 } => "none".fmt(out),
-            Self { cloning, gail: 0 } => write!(out, "cloning={cloning}"),
-            Self { cloning: 0, gail } => write!(out, "gail={gail}"),
-            Self { cloning, gail } => write!(out, "cloning={cloning},gail={gail}"),
-        }
-    }
-}
-
-impl std::str::FromStr for Refereeing {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        let wrong = || Error::bad_config(format!("referee = {text}, and must be {}", Self::WORDS));
-        let (mut cloning, mut gail) = (None, None);
-        for part in text.split(',').filter(|_| text != "none") {
-            let (name, number) = part.split_once('=').ok_or_else(wrong)?;
-            let place = match name.trim() {
-                "cloning" => &mut cloning,
-                "gail" => &mut gail,
-                _ => return Err(wrong()),
-            };
-            let number = number.trim().parse().map_err(|_| wrong())?;
-            if place.replace(number).is_some() {
-                return Err(wrong());
-            }
-        }
-        Ok(Self { cloning: cloning.unwrap_or(0), gail: gail.unwrap_or(0) })
-    }
-}
-
-/// An imitator in words.
-pub fn imitator_name(imitator: Rule) -> &'static str {
-    match imitator {
-        Rule::BehavioralCloning => "cloning",
-        Rule::Gail => "GAIL",
-    }
-}
 
 /// The name of what a run kept, where there is only one such subset.
 pub const KEPT: &str = "kept";
@@ -279,15 +211,15 @@ impl Training {
 pub struct Trained {
     /// Which of the candidates.
     pub candidate: usize,
-    /// By which rule.
-    pub imitator: Rule,
+    /// By whom.
+    pub imitator: Imitator,
     /// In order.
     pub trainings: Vec<Training>,
     /// Whether it was given up early, as it was surely worse than the best of its side.
     pub dropped: bool,
 }
 
-/// How a policy is imitated from scratch by this imitator, no matter what the configuration asks for elsewhere.
+/// How a policy is imitated from scratch by this rule, no matter what the configuration asks for elsewhere.
 pub fn imitation_by(imitator: Rule, imitation: &Imitation) -> Imitation {
     let update = InnerUpdate { imitation: imitator, ..imitation.update.clone() };
     Imitation { update, ..imitation.clone() }
@@ -314,6 +246,9 @@ pub struct Verdict {
     /// How many trainings were asked for, where that is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub asked: Option<Refereeing>,
+    /// Who is meant by the imitator `trainer`, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trainer: Option<TrainerIdentity>,
     /// What could be trained on.
     pub candidates: Vec<Candidate>,
     /// Candidates by imitators, with their results.
@@ -331,6 +266,19 @@ impl Verdict {
     pub fn winner_names(&self) -> Option<&[String]> {
         let pair = &self.pairs[self.winner?].trained;
         Some(&self.candidates[pair.candidate].names)
+    }
+
+    /// An imitator as people call it.
+    pub fn imitator_name(&self, imitator: Imitator) -> &str {
+        match (imitator, &self.trainer) {
+            (Imitator::Trainer, Some(trainer)) => &trainer.name,
+            _ => imitator.name(),
+        }
+    }
+
+    /// Who made the policies of the winner; `None` where nothing was trained.
+    pub fn winning_imitator(&self) -> Option<Imitator> {
+        Some(self.pairs[self.winner?].trained.imitator)
     }
 }
 

@@ -4,7 +4,7 @@ mod one_variant;
 mod worker;
 
 pub use one_variant::OneVariant;
-pub use worker::{Episode, Rollout, Stepped, Worker};
+pub use worker::{Episode, Led, Rollout, Stepped, Worker};
 
 use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;

@@ -7,3 +7,4 @@ pub mod heuristic;
 pub mod point_mass;
 pub mod policy;
 pub mod rollout;
+pub mod trainer;

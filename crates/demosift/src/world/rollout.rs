@@ -9,10 +9,11 @@ use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
 use crate::data::trajectory::Trajectory;
 use crate::math::statistics;
-use crate::world::environment::{EnvVariant, Episode, Rollout, Specification, Task, Worker};
+use crate::world::environment::{EnvVariant, Episode, Led, Rollout, Specification, Task, Worker};
 use crate::world::heuristic::Score;
 pub use crate::world::policy::Acting;
 use crate::world::policy::Policy;
+use crate::world::trainer::{Apprentice, Trainer};
 
 /// A task with the workers that play it; a worker remembers nothing between episodes.
 pub struct Playground<'t> {
@@ -21,13 +22,22 @@ pub struct Playground<'t> {
     width: OnceLock<usize>,
     /// Where workers play that are waited for; the threads that learn, if there is none.
     waiting: Option<rayon::ThreadPool>,
+    /// Who trains policies of its own to be played here.
+    trainer: Option<&'t dyn Trainer>,
     steps: AtomicU64,
 }
 
 impl<'t> Playground<'t> {
     /// A playground for a task; workers are made when they are needed, and play on the threads that learn.
     pub fn new(task: &'t dyn Task) -> Self {
-        Self { task, idle: Mutex::default(), width: OnceLock::new(), waiting: None, steps: AtomicU64::new(0) }
+        Self {
+            task,
+            idle: Mutex::default(),
+            width: OnceLock::new(),
+            waiting: None,
+            trainer: None,
+            steps: AtomicU64::new(0),
+        }
     }
 
     /// A playground whose workers play on `count` threads of their own.
@@ -45,6 +55,17 @@ impl<'t> Playground<'t> {
         let waiting = rayon::ThreadPoolBuilder::new().num_threads(count).build();
         let waiting = waiting.map_err(|error| Error::bad_config(format!("{count} workers: {error}")))?;
         Ok(Self { waiting: Some(waiting), ..Self::new(task) })
+    }
+
+    /// The same with somebody else's trainer, whose policies the referee plays here beside its own.
+    #[must_use]
+    pub fn with_trainer(self, trainer: &'t dyn Trainer) -> Self {
+        Self { trainer: Some(trainer), ..self }
+    }
+
+    /// Somebody else's trainer, where there is one.
+    pub fn trainer(&self) -> Option<&'t dyn Trainer> {
+        self.trainer
     }
 
     /// The task that is played.
@@ -98,7 +119,29 @@ impl<'t> Playground<'t> {
     fn play(&self, episodes: &[Episode<'_>]) -> Result<Vec<Rollout>> {
         let mut worker = self.borrow()?;
         let rollouts = worker.play(episodes).map_err(|error| in_task(error, self.specification()))?;
-        check(&rollouts, episodes.len(), self.specification())?;
+        self.finished(worker, rollouts, episodes.len())
+    }
+
+    /// The same for episodes in which somebody else's policy acts.
+    fn play_led(&self, by: &mut dyn Apprentice, episodes: &[Led<'_>]) -> Result<Vec<Rollout>> {
+        let mut worker = self.borrow()?;
+        let mut rollouts = Vec::with_capacity(episodes.len());
+        for episode in episodes {
+            by.begin()?;
+            let rollout = worker.play_led(*episode, by);
+            rollouts.push(rollout.map_err(|error| in_task(error, self.specification()))?);
+        }
+        self.finished(worker, rollouts, episodes.len())
+    }
+
+    /// What a worker has played, if it is what was asked for; the worker comes back.
+    fn finished(
+        &self,
+        worker: Box<dyn Worker>,
+        rollouts: Vec<Rollout>,
+        wanted: usize,
+    ) -> Result<Vec<Rollout>> {
+        check(&rollouts, wanted, self.specification())?;
         self.give_back(worker);
         self.check_scores(&rollouts).map_err(|error| in_task(error, self.specification()))?;
         let steps = rollouts.iter().map(|rollout| rollout.trajectory.steps() as u64).sum();
@@ -177,6 +220,21 @@ pub fn play(
     let episode = |seed| Episode { policy, acting, variant, seed, keep_states: false };
     let episodes: Vec<Episode<'_>> = seeds.iter().map(episode).collect();
     let rollouts = play_episodes(playground, &episodes)?;
+    Ok(rollouts.into_iter().map(|rollout| rollout.trajectory).collect())
+}
+
+/// One episode a seed in which somebody else's policy acts, one after the other.
+///
+/// # Errors
+/// Those of the policy and of the task.
+pub fn play_led(
+    playground: &Playground<'_>,
+    by: &mut dyn Apprentice,
+    variant: EnvVariant,
+    seeds: &[Seed],
+) -> Result<Vec<Trajectory>> {
+    let episodes: Vec<Led<'_>> = seeds.iter().map(|seed| Led { variant, seed }).collect();
+    let rollouts = playground.play_led(by, &episodes)?;
     Ok(rollouts.into_iter().map(|rollout| rollout.trajectory).collect())
 }
 

@@ -12,7 +12,7 @@ use crate::results::panel::Panel;
 use crate::results::uncertainty::Uncertainty;
 use crate::stages::judge::ScoreTable;
 use crate::stages::method::Spent;
-use crate::stages::referee::Verdict;
+use crate::stages::referee::{ByTrainer, Verdict};
 use crate::stages::select::{Ranking, Subset};
 use crate::stages::subset_selection::Weighing;
 
@@ -49,6 +49,7 @@ pub fn of_results() -> Vec<(&'static str, Schema)> {
         ("spent", of::<Stored<Spent>>("spent_STAGE.json")),
         ("subset", of::<Stored<Subset>>("subset.json")),
         ("trained_on", of::<Stored<TrainedOn>>("trained_on.json")),
+        ("training", of::<Stored<ByTrainer>>("training_PART.json")),
         ("uncertainty", of::<Stored<Uncertainty>>("uncertainty.json")),
         ("verdict", of::<Stored<Verdict>>("verdict.json")),
         ("weights", of::<Stored<Weighing>>("weights.json")),

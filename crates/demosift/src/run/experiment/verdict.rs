@@ -11,14 +11,16 @@ use crate::basics::ledger::Ledger;
 use crate::basics::observer::{Event, Observer, Silent};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
-use crate::learning::adapt::Rule;
 use crate::results::artifact::{self, Artifact, onnx};
-use crate::stages::imitate::{self, Effort, ImitationState, LearningCurve, Lesson};
+use crate::stages::imitate::{self, Effort, Imitation, ImitationState, LearningCurve, Lesson};
 use crate::stages::method::Spent;
 use crate::stages::referee::{
-    self, Candidate, Contest, Meant, NamedSubset, STAGE, Training, Unit, Verdict, imitation_by, imitator_name,
+    self, ByTrainer, Candidate, Contest, Imitator, Meant, NamedSubset, STAGE, Training, Unit, Verdict,
+    imitation_by, steps_by_trainer,
 };
+use crate::world::environment::Specification;
 use crate::world::rollout::Playground;
+use crate::world::trainer::{Trainer, TrainerIdentity};
 
 /// Under which name the policy is stored that the referee would hand over.
 pub const BEST: &str = "best";
@@ -29,8 +31,12 @@ pub const BEST: &str = "best";
 /// Trainings run side by side, and each is stored as it is finished.
 ///
 /// # Errors
-/// `is_bad_input` if a subset is empty, `is_diverged` if a training diverges.
+/// `is_bad_input` if a subset is empty, `is_diverged` if a training diverges, `is_bad_config` if trainings by a trainer are
+/// asked for and the playground has none; those of the trainer.
 pub fn verdict(run: &mut Run<'_>, kept: &[NamedSubset]) -> Result<Verdict> {
+    if run.config.referee.trainer > 0 {
+        trainer_of(run.playground)?;
+    }
     let candidates = referee::candidates(&run.set.ids(), kept)?;
     if let Some(verdict) = recalled(run, &candidates)? {
         // Again, in case that it was changed since.
@@ -49,22 +55,39 @@ pub fn verdict(run: &mut Run<'_>, kept: &[NamedSubset]) -> Result<Verdict> {
         if units.is_empty() {
             break;
         }
-        let curves = train_all(run, contest.candidates(), &units, &mut done)?;
-        for (unit, curve) in units.into_iter().zip(&curves) {
-            measured(run.observer, contest.candidates(), unit, curve)?;
-            played += curve.played;
-            contest.add(unit, Training::of(curve));
+        let made = train_all(run, contest.candidates(), &units, &mut done)?;
+        for (unit, made) in units.into_iter().zip(&made) {
+            measured(run.observer, contest.candidates(), unit, &made.training)?;
+            played += made.played;
+            contest.add(unit, made.training);
         }
     }
     run.observer.on(Event::Finished { stage: STAGE })?;
-    let verdict = contest.decide(run.playground.task().heuristic().unit());
+    let verdict = contest.decide(run.playground.task().heuristic().unit(), identity(run).cloned());
     store(run, &verdict, played)?;
     Ok(verdict)
 }
 
-/// The verdict of before, if it was about the same candidates and as many trainings.
+/// Who trains here besides our imitators; an error where trainings by a trainer are asked for and nobody is there.
+fn trainer_of<'a>(playground: &Playground<'a>) -> Result<&'a dyn Trainer> {
+    playground.trainer().ok_or_else(|| {
+        Error::bad_config("referee.trainer asks for trainings by a trainer, and there is none")
+            .with_hint("add --trainer FILE.py:FUNCTION, or leave it out of --referee")
+    })
+}
+
+/// Which trainer the run has.
+fn identity<'a>(run: &Run<'a>) -> Option<&'a TrainerIdentity> {
+    run.playground.trainer().map(Trainer::identity)
+}
+
+/// The verdict of before, if it was about the same candidates, as many trainings and the same trainer.
 fn recalled(run: &Run<'_>, candidates: &[Candidate]) -> Result<Option<Verdict>> {
-    let is_it = |found: &Verdict| found.candidates == candidates && found.asked == Some(run.config.referee);
+    let is_it = |found: &Verdict| {
+        found.candidates == candidates
+            && found.asked == Some(run.config.referee)
+            && (run.config.referee.trainer == 0 || found.trainer.as_ref() == identity(run))
+    };
     Ok(Verdict::recall(run.ledger, "")?.filter(is_it))
 }
 
@@ -77,16 +100,25 @@ fn store(run: &mut Run<'_>, verdict: &Verdict, played: u64) -> Result<()> {
     verdict.store(run.ledger, "")
 }
 
-/// Stores the policy to be handed over, as far as its training is stored.
+/// Stores the policy to be handed over, as far as its training is stored. That of a trainer is handed over where it is a file
+/// of ONNX; elsewhere it lives in the trainer alone.
 fn store_best(run: &mut Run<'_>, verdict: &Verdict) -> Result<()> {
-    if let Some((winner, training)) = verdict.winner.zip(verdict.best_training) {
-        let pair = &verdict.pairs[winner].trained;
-        let part = part(&verdict.candidates[pair.candidate], pair.imitator, training);
-        if let Some(curve) = LearningCurve::recall(run.ledger, &part)? {
-            let name = format!("policy_{BEST}.safetensors");
-            run.ledger.store(&name, &artifact::write_policy(&curve.best))?;
-            onnx::store_policy(run.ledger, BEST, &curve.best, run.playground.specification())?;
-        }
+    let Some((winner, training)) = verdict.winner.zip(verdict.best_training) else { return Ok(()) };
+    let pair = &verdict.pairs[winner].trained;
+    let part = part(&verdict.candidates[pair.candidate], pair.imitator, training);
+    let name = format!("policy_{BEST}.safetensors");
+    if pair.imitator == Imitator::Trainer {
+        // Of a verdict of before.
+        run.ledger.forget(&name)?;
+        let of_onnx = format!("policy_{BEST}.onnx");
+        return match ByTrainer::recall(run.ledger, &part)?.and_then(|by| by.onnx) {
+            Some(onnx) => run.ledger.store(&of_onnx, &onnx),
+            None => run.ledger.forget(&of_onnx),
+        };
+    }
+    if let Some(curve) = LearningCurve::recall(run.ledger, &part)? {
+        run.ledger.store(&name, &artifact::write_policy(&curve.best))?;
+        onnx::store_policy(run.ledger, BEST, &curve.best, run.playground.specification())?;
     }
     Ok(())
 }
@@ -102,8 +134,10 @@ pub(crate) fn rest(run: &Run<'_>, candidates: &[Candidate]) -> Result<Vec<Meant>
         let seed = training_seed(run.config, meant.training);
         let mut is_stored = false;
         for candidate in meant.candidates.iter().map(|index| &candidates[*index]) {
-            let found = LearningCurve::recall(run.ledger, &part(candidate, meant.imitator, meant.training))?;
-            is_stored |= found.is_some_and(|curve| curve.demos == candidate.demos_of(&ids, &seed));
+            let part = part(candidate, meant.imitator, meant.training);
+            let demos = candidate.demos_of(&ids, &seed);
+            is_stored |=
+                recalled_training(run.ledger, meant.imitator, &part, &demos, identity(run))?.is_some();
         }
         if !is_stored {
             left.push(meant);
@@ -115,13 +149,56 @@ pub(crate) fn rest(run: &Run<'_>, candidates: &[Candidate]) -> Result<Vec<Meant>
 /// Environment steps of these trainings, where episodes last to the horizon.
 fn meant_steps(run: &Run<'_>, trainings: &[Meant]) -> usize {
     let task = run.playground.specification();
-    let steps = |meant: &Meant| Effort::of(task, &imitation_by(meant.imitator, &run.config.imitate)).steps();
+    let steps = |meant: &Meant| steps_of_training(task, meant.imitator, &run.config.imitate);
     trainings.iter().map(steps).sum::<u64>() as usize
 }
 
+fn steps_of_training(task: &Specification, imitator: Imitator, imitation: &Imitation) -> u64 {
+    match imitator.rule() {
+        Some(rule) => Effort::of(task, &imitation_by(rule, imitation)).steps(),
+        None => steps_by_trainer(task, imitation.evaluations),
+    }
+}
+
 /// Under which name a training is stored.
-fn part(candidate: &Candidate, imitator: Rule, training: usize) -> String {
-    format!("{STAGE}_{}_{}_{training}", candidate.key, imitator_name(imitator).to_lowercase())
+fn part(candidate: &Candidate, imitator: Imitator, training: usize) -> String {
+    format!("{STAGE}_{}_{}_{training}", candidate.key, imitator.name().to_lowercase())
+}
+
+/// What a training came to, whoever made it.
+#[derive(Clone, Copy)]
+struct Made {
+    training: Training,
+    played: u64,
+}
+
+impl From<&LearningCurve> for Made {
+    fn from(curve: &LearningCurve) -> Self {
+        Self { training: Training::of(curve), played: curve.played }
+    }
+}
+
+impl From<&ByTrainer> for Made {
+    fn from(by: &ByTrainer) -> Self {
+        Self { training: by.into(), played: by.played }
+    }
+}
+
+/// A training that is stored, if it is one of these demonstrations, and by this trainer where it is a trainer's.
+fn recalled_training(
+    ledger: &dyn Ledger,
+    imitator: Imitator,
+    part: &str,
+    demos: &[DemoId],
+    trainer: Option<&TrainerIdentity>,
+) -> Result<Option<Made>> {
+    if imitator == Imitator::Trainer {
+        let found = ByTrainer::recall(ledger, part)?;
+        let found = found.filter(|by| by.demos == demos && Some(&by.trainer) == trainer);
+        return Ok(found.as_ref().map(Made::from));
+    }
+    let found = LearningCurve::recall(ledger, part)?.filter(|curve| curve.demos == demos);
+    Ok(found.as_ref().map(Made::from))
 }
 
 /// The random numbers of a training: the same for every pair.
@@ -155,7 +232,7 @@ fn train_all(
     candidates: &[Candidate],
     units: &[Unit],
     done: &mut usize,
-) -> Result<Vec<LearningCurve>> {
+) -> Result<Vec<Made>> {
     let Run { set, playground, config, ledger, observer } = run;
     let ground = Ground { set, playground, config, candidates };
     let is_own = |place: usize| ledger.part().is_none_or(|part| part.takes(place));
@@ -163,18 +240,18 @@ fn train_all(
     let shared = Mutex::new(Shared { ledger: *ledger, observer: *observer, done });
     let has_failed = AtomicBool::new(false);
     let queue = units.iter().enumerate().take_while(|_| !has_failed.load(Ordering::Relaxed));
-    let mut trained: Vec<(usize, Result<Option<LearningCurve>>)> = queue
+    let mut trained: Vec<(usize, Result<Option<Made>>)> = queue
         .par_bridge()
         .map(|(place, unit)| {
-            let curve = train(ground, *unit, own[place], &shared);
-            has_failed.fetch_or(curve.is_err(), Ordering::Relaxed);
-            (place, curve)
+            let made = train(ground, *unit, own[place], &shared);
+            has_failed.fetch_or(made.is_err(), Ordering::Relaxed);
+            (place, made)
         })
         .collect();
     trained.sort_by_key(|(place, _)| *place);
-    let curves = trained.into_iter().map(|(_, curve)| curve).collect::<Result<Vec<_>>>()?;
-    match curves.iter().filter(|curve| curve.is_none()).count() {
-        0 => Ok(curves.into_iter().flatten().collect()),
+    let made = trained.into_iter().map(|(_, made)| made).collect::<Result<Vec<_>>>()?;
+    match made.iter().filter(|made| made.is_none()).count() {
+        0 => Ok(made.into_iter().flatten().collect()),
         left => Err(Error::left_to_others(format!("{left} trainings are left to the other parts"))),
     }
 }
@@ -185,47 +262,55 @@ fn lock<'m, 'a>(shared: &'m Mutex<Shared<'a>>) -> MutexGuard<'m, Shared<'a>> {
 }
 
 /// A finished training, made now unless it was made before; none of what is neither made nor our `own`.
-fn train(
-    ground: Ground<'_>,
-    unit: Unit,
-    own: bool,
-    shared: &Mutex<Shared<'_>>,
-) -> Result<Option<LearningCurve>> {
+fn train(ground: Ground<'_>, unit: Unit, own: bool, shared: &Mutex<Shared<'_>>) -> Result<Option<Made>> {
     let Ground { set, playground, config, candidates } = ground;
     let (candidate, seed) = (&candidates[unit.candidate], training_seed(config, unit.training));
     let demos: Vec<DemoId> = candidate.demos_of(&set.ids(), &seed);
     let part = part(candidate, unit.imitator, unit.training);
-    let found = LearningCurve::recall(lock(shared).ledger, &part)?;
-    if let Some(curve) = found.filter(|curve| curve.demos == demos) {
-        return Ok(Some(curve));
+    let trainer = playground.trainer();
+    let identity = trainer.map(Trainer::identity);
+    if let Some(made) = recalled_training(lock(shared).ledger, unit.imitator, &part, &demos, identity)? {
+        return Ok(Some(made));
     }
     if !own {
         return Ok(None);
     }
-    let imitation = imitation_by(unit.imitator, &config.imitate);
-    let start = ImitationState::start(set, &demos, &config.policy, &imitation, &seed.of("start"));
-    let lesson = Lesson { set, playground, imitation: &imitation, part: &part, seed: &seed };
-    let curve = imitate::imitate(&lesson, start, &mut Silent).map_err(|error| error.during(&part))?;
-    let mut shared = lock(shared);
-    curve.store(shared.ledger, &part)?;
-    *shared.done += Effort::of(playground.specification(), &imitation).steps() as usize;
+    let (made, mut shared) = match unit.imitator.rule() {
+        Some(rule) => {
+            let imitation = imitation_by(rule, &config.imitate);
+            let start = ImitationState::start(set, &demos, &config.policy, &imitation, &seed.of("start"));
+            let lesson = Lesson { set, playground, imitation: &imitation, part: &part, seed: &seed };
+            let curve = imitate::imitate(&lesson, start, &mut Silent).map_err(|error| error.during(&part))?;
+            let mut shared = lock(shared);
+            curve.store(shared.ledger, &part)?;
+            (Made::from(&curve), shared)
+        }
+        None => {
+            let (trainer, evaluations) = (trainer_of(playground)?, config.imitate.evaluations);
+            let by = referee::train_by(trainer, set, &demos, playground, evaluations, &seed)?;
+            let mut shared = lock(shared);
+            by.store(shared.ledger, &part)?;
+            (Made::from(&by), shared)
+        }
+    };
+    *shared.done += steps_of_training(playground.specification(), unit.imitator, &config.imitate) as usize;
     let done = *shared.done;
     shared.observer.on(Event::Advanced { stage: STAGE, done })?;
-    Ok(Some(curve))
+    Ok(Some(made))
 }
 
 fn measured(
     observer: &mut dyn Observer,
     candidates: &[Candidate],
     unit: Unit,
-    curve: &LearningCurve,
+    Training { outcome, end, .. }: &Training,
 ) -> Result<()> {
-    let part = format!("{}_{}", candidates[unit.candidate].key, imitator_name(unit.imitator).to_lowercase());
+    let part = format!("{}_{}", candidates[unit.candidate].key, unit.imitator.name().to_lowercase());
     let numbers = [
-        ("score", curve.outcome.score),
-        ("standard_error", curve.outcome.standard_error),
-        ("success", curve.outcome.success.unwrap_or(f64::NAN)),
-        ("end", curve.end.score),
+        ("score", outcome.score),
+        ("standard_error", outcome.standard_error),
+        ("success", outcome.success.unwrap_or(f64::NAN)),
+        ("end", end.score),
     ];
     let iteration = unit.training;
     observer.on(Event::Measured { stage: STAGE, part: &part, iteration, numbers: &numbers })

@@ -17,7 +17,7 @@ use crate::stages::imitate::{self, ImitationState, LearningCurve};
 use crate::stages::judge::{self, Effort, Judging, JudgingState};
 use crate::stages::meta_train::{self, MetaState};
 use crate::stages::pre_train::{self, PreTrainState, PreTraining};
-use crate::stages::referee::{self, DECISIVE, Meant, NamedSubset, imitation_by};
+use crate::stages::referee::{self, DECISIVE, Meant, NamedSubset, imitation_by, steps_by_trainer};
 use crate::stages::select::{Keep, Subset};
 use crate::stages::subset_selection::{self, WeighingState};
 use crate::world::rollout::Playground;
@@ -64,8 +64,15 @@ pub struct Planned {
     pub updates: u64,
     /// Whether it may end earlier.
     pub at_most: bool,
+    /// Trainings by somebody else's trainer, whose time nobody knows; playing their policies is counted.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub by_trainer: usize,
     #[serde(skip)]
     pub(super) pieces: Vec<(Piece, f64)>,
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// A kind of work that is timed, with what decides how long a unit of it takes.
@@ -144,6 +151,7 @@ fn together(stage: &str, parts: Vec<Planned>) -> Option<Planned> {
             environment_steps: sum.environment_steps + part.environment_steps,
             updates: sum.updates + part.updates,
             at_most: sum.at_most || part.at_most,
+            by_trainer: sum.by_trainer + part.by_trainer,
             pieces: [sum.pieces, part.pieces].concat(),
             ..sum
         })
@@ -169,6 +177,7 @@ impl Whole {
             environment_steps: self.environment_steps.saturating_sub(spent),
             updates: left(self.updates),
             at_most: self.at_most,
+            by_trainer: 0,
             pieces: self.pieces.into_iter().map(|(piece, units)| (piece, units * share)).collect(),
         })
     }
@@ -289,17 +298,25 @@ fn verdict(run: &Run<'_>) -> Result<Option<Planned>> {
     let at_once = rayon::current_num_threads();
     let several = Panel::recall(run.ledger, "")?.is_none();
     let of_training = |meant: Meant| {
-        let imitation = imitation_by(meant.imitator, &run.config.imitate);
+        // Judges that keep the same have one candidate, and who is surely hopeless is dropped.
+        let at_most = several || run.config.referee.trainings(meant.imitator) > DECISIVE;
+        let (stage, evaluations) = (referee::STAGE.to_owned(), run.config.imitate.evaluations);
+        let evaluation = Piece::Evaluation { episodes: evaluations };
+        let Some(rule) = meant.imitator.rule() else {
+            let environment_steps = steps_by_trainer(task, evaluations);
+            let pieces = vec![(evaluation, environment_steps as f64)];
+            return Planned { stage, environment_steps, updates: 0, at_most, by_trainer: 1, pieces };
+        };
+        let imitation = imitation_by(rule, &run.config.imitate);
         let effort = imitate::Effort::of(task, &imitation);
         let demonstrations = candidates[meant.candidates[0]].size;
-        let piece = Piece::Imitation { rule: meant.imitator, at_once, demonstrations };
-        let evaluation = Piece::Evaluation { episodes: imitation.evaluations };
+        let piece = Piece::Imitation { rule, at_once, demonstrations };
         Planned {
-            stage: referee::STAGE.to_owned(),
+            stage,
             environment_steps: effort.steps(),
             updates: effort.updates as u64,
-            // Judges that keep the same have one candidate, and who is surely hopeless is dropped.
-            at_most: several || run.config.referee.trainings(meant.imitator) > DECISIVE,
+            at_most,
+            by_trainer: 0,
             pieces: vec![
                 (piece, effort.updates as f64 / at_once as f64),
                 (evaluation, effort.evaluating_steps as f64),
@@ -389,6 +406,7 @@ pub fn planned_recording(
         environment_steps: steps as u64,
         updates: 0,
         at_most: false,
+        by_trainer: 0,
         pieces: vec![(Piece::Evaluation { episodes: recording.assessed }, steps as f64)],
     });
     Ok(stages)

@@ -16,7 +16,8 @@ use crate::basics::seed::Seed;
 use crate::data::demonstration::DemoId;
 use crate::stages::imitate::CurvePoint;
 use crate::stages::referee::{
-    self, Candidate, ConclusionRates, IMITATORS, KEPT, NamedSubset, Refereeing, Side, Trained, Training,
+    self, Candidate, ConclusionRates, IMITATORS, Imitator, KEPT, NamedSubset, Refereeing, Side, Trained,
+    Training,
 };
 
 /// Decisions that are drawn.
@@ -54,8 +55,9 @@ impl Refereed {
             let mut drawn_from = Vec::new();
             for imitator in IMITATORS.into_iter().filter(|rule| with.trainings(*rule) > 0) {
                 for (index, candidate) in candidates.iter().enumerate() {
-                    let is_its =
-                        |pool: &&PoolSummary| pool.imitator == imitator && pool.subset == choice(candidate);
+                    let is_its = |pool: &&PoolSummary| {
+                        Imitator::from(pool.imitator) == imitator && pool.subset == choice(candidate)
+                    };
                     let is_enough = |pool: &&PoolSummary| pool.trainings.len() >= with.trainings(imitator);
                     let pool = pools.iter().find(is_its).filter(is_enough)?;
                     let trainings = pool.trainings.iter().map(training).collect();

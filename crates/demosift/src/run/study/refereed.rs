@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::choice::{Choice, TopK};
 use super::parts::{Pool, Seeds, Set};
 use crate::basics::error::{Error, Result};
-use crate::stages::referee::{DECISIVE, IMITATORS, Refereeing};
+use crate::learning::adapt::Rule;
+use crate::stages::referee::{DECISIVE, IMITATORS, Imitator, Refereeing};
 
 /// What the referee is asked about a set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,6 +35,9 @@ impl Refereed {
         if self.kept.contains(&Choice::All) {
             return wrong("the kept are \"all\", which leaves nothing to compare".to_owned());
         }
+        if self.pools.trainer > 0 {
+            return wrong(format!("pools of {}; a study has no trainer", self.pools));
+        }
         let decides = |with: &Refereeing| IMITATORS.iter().any(|rule| with.trainings(*rule) >= DECISIVE);
         if let Some(with) = self.with.iter().find(|with| !decides(with)) {
             return wrong(format!(
@@ -60,13 +64,15 @@ impl Refereed {
                 }
             }
         }
+        let count = |rule: Rule| self.pools.trainings(rule.into());
         let of = |imitator| Pool {
             set: self.set.clone(),
             subsets: subsets.clone(),
             imitator,
-            trainings: Seeds { first: self.first, count: self.pools.trainings(imitator) },
+            trainings: Seeds { first: self.first, count: count(imitator) },
         };
-        IMITATORS.into_iter().filter(|rule| self.pools.trainings(*rule) > 0).map(of).collect()
+        let rules = IMITATORS.into_iter().filter_map(Imitator::rule);
+        rules.filter(|rule| count(*rule) > 0).map(of).collect()
     }
 }
 

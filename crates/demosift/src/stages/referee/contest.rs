@@ -1,8 +1,10 @@
 //! Which trainings are still to be made: rounds, and who is dropped between them.
 
 use super::welch::Sample;
-use super::{Candidate, DECISIVE, IMITATORS, Refereeing, Side, Trained, Training, Verdict, decide, decision};
-use crate::learning::adapt::Rule;
+use super::{
+    Candidate, DECISIVE, IMITATORS, Imitator, Refereeing, Side, Trained, Training, Verdict, decision,
+};
+use crate::world::trainer::TrainerIdentity;
 
 /// A pair is dropped if the best of its side is better at this level: so strict that the decision is none the wiser.
 const STRICT: f64 = 0.001;
@@ -28,8 +30,8 @@ pub struct Unit {
     pub pair: usize,
     /// Which candidate that is.
     pub candidate: usize,
-    /// By which rule.
-    pub imitator: Rule,
+    /// By whom.
+    pub imitator: Imitator,
     /// Which training of it, from 0.
     pub training: usize,
 }
@@ -146,18 +148,20 @@ impl Contest {
             .map(|pair| pair.candidate)
     }
 
-    /// What it all says; `unit` is that of the heuristic.
-    pub fn decide(self, unit: &str) -> Verdict {
-        Verdict { asked: Some(self.refereeing), ..decide(self.candidates, self.pairs, unit) }
+    /// What it all says; `unit` is that of the heuristic, and `trainer` who the imitator of that name is.
+    pub fn decide(self, unit: &str, trainer: Option<TrainerIdentity>) -> Verdict {
+        let trainer = trainer.filter(|_| self.refereeing.trainer > 0);
+        let verdict = decision::decide_between(self.candidates, self.pairs, unit, trainer);
+        Verdict { asked: Some(self.refereeing), ..verdict }
     }
 }
 
-fn untrained(candidate: usize, imitator: Rule) -> Trained {
+fn untrained(candidate: usize, imitator: Imitator) -> Trained {
     Trained { candidate, imitator, trainings: Vec::new(), dropped: false }
 }
 
 /// Imitators with too few trainings to decide anything.
-fn shown_imitators(refereeing: &Refereeing) -> impl Iterator<Item = Rule> {
+fn shown_imitators(refereeing: &Refereeing) -> impl Iterator<Item = Imitator> {
     IMITATORS.into_iter().filter(|rule| (1..DECISIVE).contains(&refereeing.trainings(*rule)))
 }
 
@@ -190,8 +194,8 @@ pub fn hopeless(candidates: &[Candidate], pairs: &[Trained]) -> Vec<usize> {
 /// A training that is meant to be made if nobody is dropped: by which imitator, and of which candidate, or one of which.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Meant {
-    /// By which rule.
-    pub imitator: Rule,
+    /// By whom.
+    pub imitator: Imitator,
     /// One of these candidates.
     pub candidates: Vec<usize>,
     /// Which training of it.

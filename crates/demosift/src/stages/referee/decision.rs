@@ -3,6 +3,7 @@
 use super::welch::{Sample, Welch};
 use super::{Candidate, Conclusion, DECISIVE, Difference, LEVEL, Pair, Side, Trained, Verdict, words};
 use crate::math::statistics::{mean, mean_of};
+use crate::world::trainer::TrainerIdentity;
 
 /// Share of the level at which is tested. Scores that are all or nothing come in steps, and at the level itself a test of
 /// five or ten such trainings a side is wrong in 5.8 % (`docs/design.md`).
@@ -20,9 +21,8 @@ const TAIL: f64 = 0.025;
 ///
 /// ```
 /// use demosift::data::demonstration::DemoId;
-/// use demosift::learning::adapt::Rule;
 /// use demosift::stages::imitate::CurvePoint;
-/// use demosift::stages::referee::{Conclusion, NamedSubset, Trained, Training, candidates, decide};
+/// use demosift::stages::referee::{Conclusion, Imitator, NamedSubset, Trained, Training, candidates, decide};
 ///
 /// let ids: Vec<DemoId> = (0..6).map(DemoId).collect();
 /// let kept = [NamedSubset::new("kept", &[DemoId(1), DemoId(3)])];
@@ -32,7 +32,7 @@ const TAIL: f64 = 0.025;
 ///     let point = |score| CurvePoint { updates: 0, environment_steps: 0, score, standard_error: 0.02, success: None, true_return: None };
 ///     let training = |score| Training { outcome: point(score), end: point(score), chosen_by: score };
 ///     let trainings = scores.map(training).to_vec();
-///     Trained { candidate, imitator: Rule::BehavioralCloning, trainings, dropped: false }
+///     Trained { candidate, imitator: Imitator::BehavioralCloning, trainings, dropped: false }
 /// };
 /// let verdict = decide(
 ///     candidates,
@@ -48,6 +48,16 @@ const TAIL: f64 = 0.025;
 /// # Ok::<(), demosift::Error>(())
 /// ```
 pub fn decide(candidates: Vec<Candidate>, trained: Vec<Trained>, unit: &str) -> Verdict {
+    decide_between(candidates, trained, unit, None)
+}
+
+/// The same where one of the imitators is this trainer.
+pub(super) fn decide_between(
+    candidates: Vec<Candidate>,
+    trained: Vec<Trained>,
+    unit: &str,
+    trainer: Option<TrainerIdentity>,
+) -> Verdict {
     let trained: Vec<Trained> = trained.into_iter().filter(|pair| !pair.trainings.is_empty()).collect();
     let field = Field::of(&candidates, &trained);
     let compared = field.kept.len();
@@ -62,6 +72,7 @@ pub fn decide(candidates: Vec<Candidate>, trained: Vec<Trained>, unit: &str) -> 
         compared,
         level: LEVEL,
         asked: None,
+        trainer,
         pairs: pairs(&field, &trained),
         candidates,
     };

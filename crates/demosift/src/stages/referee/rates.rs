@@ -47,7 +47,7 @@ pub fn conclusion_rates(
         loop {
             let units = contest.next_units();
             if units.is_empty() {
-                return Ok(contest.decide("").conclusion);
+                return Ok(contest.decide("", None).conclusion);
             }
             for unit in units {
                 let is_its =

@@ -2,9 +2,9 @@
 
 use rand::RngExt as _;
 
+use super::Imitator::{BehavioralCloning, Gail};
 use super::*;
 use crate::basics::seed::Rng;
-use crate::learning::adapt::Rule::{BehavioralCloning, Gail};
 
 /// Trainings with these outcomes.
 pub(super) fn scored(scores: &[Score], standard_error: f64) -> Vec<Training> {
@@ -32,7 +32,7 @@ fn field(kept: &[NamedSubset]) -> Vec<Candidate> {
     candidates(&ids(6), kept).expect("not empty")
 }
 
-fn pair(candidate: usize, imitator: Rule, scores: &[Score]) -> Trained {
+fn pair(candidate: usize, imitator: Imitator, scores: &[Score]) -> Trained {
     Trained { candidate, imitator, trainings: scored(scores, 0.02), dropped: false }
 }
 
@@ -149,7 +149,7 @@ fn played(kept: &[NamedSubset], how: &str, score: impl Fn(Unit) -> Score) -> (Ve
     loop {
         let units = contest.next_units();
         if units.is_empty() {
-            return (rounds, contest.decide(""));
+            return (rounds, contest.decide("", None));
         }
         for unit in &units {
             contest.add(*unit, scored(&[score(*unit)], 0.02)[0]);
@@ -235,25 +235,64 @@ fn what_is_meant_is_what_is_trained_at_most() {
 
 #[test]
 fn what_the_referee_is_to_do_is_written_as_it_is_read() {
-    for text in ["none", "cloning=10,gail=3", "cloning=10", "gail=1"] {
+    for text in ["none", "cloning=10,gail=3", "cloning=10", "gail=1", "trainer=5", "cloning=10,trainer=3"] {
         assert_eq!(text.parse::<Refereeing>().expect("its own words").to_string(), text);
     }
-    assert_eq!("gail=3".parse::<Refereeing>().expect("one of them"), Refereeing { cloning: 0, gail: 3 });
+    assert_eq!(
+        "gail=3".parse::<Refereeing>().expect("one of them"),
+        Refereeing { cloning: 0, gail: 3, trainer: 0 }
+    );
     for bad in ["", "ten", "cloning", "cloning=-1", "cloning=3,cloning=4", "trpo=3", "cloning=3;gail=1"] {
         let error = bad.parse::<Refereeing>().expect_err("no such words");
         assert!(error.is_bad_config());
         assert_eq!(
             error.to_string(),
-            format!("referee = {bad}, and must be none, or numbers of trainings such as cloning=10,gail=3")
+            format!(
+                "referee = {bad}, and must be none, or numbers of trainings such as cloning=10,gail=3 or \
+                 cloning=10,trainer=5"
+            )
         );
     }
 }
 
+#[test]
+fn a_trainer_is_one_of_the_imitators_and_has_a_name_of_its_own() {
+    let refereeing: Refereeing = "cloning=3,trainer=3".parse().expect("its own words");
+    let mut contest = Contest::new(field(&[named("kept", &[0, 1])]), refereeing);
+    let mut trained = Vec::new();
+    loop {
+        let units = contest.next_units();
+        if units.is_empty() {
+            break;
+        }
+        for unit in units {
+            // What it makes of the kept is the best there is.
+            let is_best = unit.imitator == Imitator::Trainer && unit.candidate == 0;
+            let score = 0.01 * unit.training as f64 + if is_best { 1.0 } else { 0.0 };
+            contest.add(unit, scored(&[score], 0.02)[0]);
+            trained.push((unit.imitator, unit.candidate));
+        }
+    }
+    for candidate in 0..3 {
+        for imitator in [BehavioralCloning, Imitator::Trainer] {
+            assert_eq!(trained.iter().filter(|unit| **unit == (imitator, candidate)).count(), 3);
+        }
+    }
+    let trainer = TrainerIdentity { name: "my_train.py:train".to_owned(), sha256: None };
+    let verdict = contest.decide("", Some(trainer));
+    assert_eq!(verdict.conclusion, Conclusion::Helps);
+    assert_eq!(verdict.winning_imitator(), Some(Imitator::Trainer));
+    assert!(verdict.sentence.contains("kept (0, 1) by my_train.py:train."), "{}", verdict.sentence);
+    // One that is not asked is not named.
+    let contest = Contest::new(field(&[]), "cloning=3".parse().expect("its own words"));
+    assert_eq!(contest.decide("", verdict.trainer).trainer, None);
+}
+
 /// Pools of trainings, one per pair: the same scores for all, but for what a pair is better by.
-fn pools(candidates: &[Candidate], draw: Draw, better_by: impl Fn(Side, Rule) -> Score) -> Vec<Trained> {
+fn pools(candidates: &[Candidate], draw: Draw, better_by: impl Fn(Side, Imitator) -> Score) -> Vec<Trained> {
     let mut rng = Seed::new(11).into_rng();
     let drawn: Vec<Score> = (0..POOL).map(|_| draw(&mut rng)).collect();
-    let of = |candidate: usize, imitator: Rule| {
+    let of = |candidate: usize, imitator: Imitator| {
         let better_by = better_by(candidates[candidate].side, imitator);
         let scores: Vec<Score> = drawn.iter().map(|score| score + better_by).collect();
         Trained { candidate, imitator, trainings: scored(&scores, 0.0), dropped: false }
@@ -285,7 +324,7 @@ const RESAMPLES: usize = 2000;
 const HOPELESS: Score = 99.0;
 
 /// Who is hopeless, so that others stand alone against a wrong verdict.
-type Worse = fn(Side, Rule) -> bool;
+type Worse = fn(Side, Imitator) -> bool;
 
 const SITUATIONS: [(&str, Worse); 3] = [
     ("all alike", |_, _| false),

@@ -1,6 +1,6 @@
 //! The verdict as one sentence that is true.
 
-use super::{Candidate, Conclusion, DECISIVE, Side, Verdict, imitator_name};
+use super::{Candidate, Conclusion, DECISIVE, Side, Verdict};
 use crate::world::heuristic::Score;
 
 /// More demonstrations than these are not listed.
@@ -13,7 +13,7 @@ pub(super) fn sentence(verdict: &Verdict, unit: &str) -> String {
         return "No policy was trained, so nothing is known of whether selecting helps.".to_owned();
     };
     let candidate = |pair: usize| &candidates[pairs[pair].trained.candidate];
-    let by = |pair: usize| imitator_name(pairs[pair].trained.imitator);
+    let by = |pair: usize| verdict.imitator_name(pairs[pair].trained.imitator);
     let train = format!("train on {} by {}", described(candidate(*winner)), by(*winner));
     let Some(difference) = difference else {
         let is_all = candidates.iter().all(|candidate| candidate.side == Side::Whole);

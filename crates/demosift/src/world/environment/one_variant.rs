@@ -1,9 +1,10 @@
 //! A task of several goals as a task of one: S_{v|e} (§3) is said of a goal, and so is what to learn from.
 
-use super::{EnvVariant, Episode, Rollout, Specification, Task, Worker};
+use super::{EnvVariant, Episode, Led, Rollout, Specification, Task, Worker};
 use crate::basics::error::Result;
 use crate::math::rows::Rows;
 use crate::world::heuristic::Heuristic;
+use crate::world::trainer::Apprentice;
 
 /// A task under one of its variants alone: whatever is learned, judged and chosen with it is for this goal.
 ///
@@ -78,6 +79,11 @@ impl Worker for UnderIt {
         let under_it = episodes.iter().map(|episode| Episode { variant: self.variant, ..*episode });
         let episodes: Vec<Episode<'_>> = under_it.collect();
         self.worker.play(&episodes)
+    }
+
+    fn play_led(&mut self, episode: Led<'_>, by: &mut dyn Apprentice) -> Result<Rollout> {
+        assert_eq!(episode.variant, EnvVariant(0), "the task has one variant");
+        self.worker.play_led(Led { variant: self.variant, ..episode }, by)
     }
 }
 

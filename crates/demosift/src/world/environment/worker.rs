@@ -4,11 +4,12 @@
 //! one answer an episode is also what such a process can afford to send.
 
 use super::{EnvVariant, Environment, Specification};
-use crate::basics::error::Result;
+use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
 use crate::data::trajectory::{Ended, Parts, StateLog, Trajectory};
 use crate::math::rows::Rows;
 use crate::world::policy::{Acting, Player, Policy};
+use crate::world::trainer::Apprentice;
 
 /// One episode that is to be played; what comes of it depends on this alone.
 #[derive(Clone, Copy, Debug)]
@@ -23,6 +24,15 @@ pub struct Episode<'a> {
     pub seed: &'a Seed,
     /// Whether the simulator's states are wanted, for replays.
     pub keep_states: bool,
+}
+
+/// An episode in which somebody else's policy acts.
+#[derive(Clone, Copy, Debug)]
+pub struct Led<'a> {
+    /// e_j.
+    pub variant: EnvVariant,
+    /// Its part `reset` is that of the reset, as in an [`Episode`].
+    pub seed: &'a Seed,
 }
 
 /// The result of an episode.
@@ -73,6 +83,16 @@ pub trait Worker: Send {
     /// # Errors
     /// `is_simulation` if the simulator failed, `is_diverged` if a number is not finite.
     fn play(&mut self, episodes: &[Episode<'_>]) -> Result<Vec<Rollout>>;
+
+    /// Plays an episode in which somebody else's policy acts, which has begun it.
+    ///
+    /// # Errors
+    /// As [`play`](Worker::play), and those of the policy; `is_bad_config` if the simulator plays policies of demosift only.
+    fn play_led(&mut self, _episode: Led<'_>, _by: &mut dyn Apprentice) -> Result<Rollout> {
+        Err(Error::bad_config(
+            "the simulator of this task plays policies of demosift only, and none of a trainer",
+        ))
+    }
 }
 
 /// A worker that steps an environment: the way of all simulators that run in this process.
@@ -88,6 +108,25 @@ impl<E: Environment> Stepped<E> {
     }
 
     fn episode(&mut self, episode: &Episode<'_>) -> Result<Rollout> {
+        let mut player = Player::new(episode.policy);
+        let mut rng = episode.seed.of("act").into_rng();
+        let led = Led { variant: episode.variant, seed: episode.seed };
+        self.steps(led, episode.keep_states, |observation, action| {
+            match episode.acting {
+                Acting::Sampled => player.sample(observation, &mut rng, action),
+                Acting::Mean => player.mean(observation, action),
+            }
+            Ok(())
+        })
+    }
+
+    /// Plays an episode in which `act` fills the action on an observation.
+    fn steps(
+        &mut self,
+        Led { variant, seed }: Led<'_>,
+        keep_states: bool,
+        mut act: impl FnMut(&[f32], &mut [f32]) -> Result<()>,
+    ) -> Result<Rollout> {
         let Self { environment, specification } = self;
         let horizon = specification.horizon;
         let mut observation = vec![0.0; specification.observation_size];
@@ -100,17 +139,12 @@ impl<E: Environment> Stepped<E> {
             task_rewards: Vec::with_capacity(horizon),
             ended: Ended::Horizon,
         };
-        let mut states = episode.keep_states.then(StateLog::default);
-        let mut player = Player::new(episode.policy);
-        let mut rng = episode.seed.of("act").into_rng();
-        environment.reset(episode.variant, episode.seed.of("reset"), &mut observation, &mut measurements);
+        let mut states = keep_states.then(StateLog::default);
+        environment.reset(variant, seed.of("reset"), &mut observation, &mut measurements);
         parts.observations.push(&observation);
         parts.measurements.push(&measurements);
         while parts.actions.len() < horizon && parts.ended == Ended::Horizon {
-            match episode.acting {
-                Acting::Sampled => player.sample(&observation, &mut rng, &mut action),
-                Acting::Mean => player.mean(&observation, &mut action),
-            }
+            act(&observation, &mut action)?;
             states = states.and_then(|log| with_state(log, environment));
             let outcome = environment.step(&action, &mut observation, &mut measurements);
             parts.actions.push(&action);
@@ -136,5 +170,9 @@ fn with_state(mut log: StateLog, environment: &impl Environment) -> Option<State
 impl<E: Environment> Worker for Stepped<E> {
     fn play(&mut self, episodes: &[Episode<'_>]) -> Result<Vec<Rollout>> {
         episodes.iter().map(|episode| self.episode(episode)).collect()
+    }
+
+    fn play_led(&mut self, episode: Led<'_>, by: &mut dyn Apprentice) -> Result<Rollout> {
+        self.steps(episode, false, |observation, action| by.act(observation, action))
     }
 }
