@@ -45,6 +45,13 @@ fn every_file_of_a_run_is_as_its_schema_says() {
     scratch.succeed(&format!("sift set {job} --keep weights --out run"));
     scratch.succeed("imitate --out run --resume");
     scratch.succeed(&format!("{} --unseen 2 --out recorded", crate::support::RECORD));
+    let mut folders = vec!["run", "recorded"];
+    let trainer = crate::trainer::trainer("least_squares");
+    if let Some(trainer) = &trainer {
+        let asked = format!("{job} --judge cloning {trainer} --referee trainer=1");
+        scratch.succeed(&format!("sift set {asked} --out trained"));
+        folders.push("trained");
+    }
     // What is finished is shown again, and `succeed` holds what is shown against the schemas of answers.
     for command in ["sift", "select", "judge", "weigh", "referee", "meta-train", "imitate"] {
         scratch.succeed(&format!("{command} --out run --resume --json"));
@@ -57,12 +64,12 @@ fn every_file_of_a_run_is_as_its_schema_says() {
     schema::assert_valid("export", &serde_json::from_str(&exported).expect("it is JSON"));
 
     let mut seen = std::collections::BTreeSet::new();
-    for folder in ["run", "recorded"] {
+    for folder in folders {
         for (file, bytes) in scratch.files(folder) {
             let Some(name) = file.strip_suffix(".json") else { continue };
             let kind = match name {
                 "unseen_provenance" => "provenance",
-                _ => ["learning_curve", "scores", "spent"]
+                _ => ["learning_curve", "scores", "spent", "training"]
                     .into_iter()
                     .find(|kind| name.starts_with(&format!("{kind}_")))
                     .unwrap_or(name),
@@ -75,7 +82,7 @@ fn every_file_of_a_run_is_as_its_schema_says() {
     let schemas = std::fs::read_dir(in_repository("docs/schema/run-folder")).expect("schemas");
     let unseen: Vec<String> = schemas
         .map(|entry| entry.expect("an entry").file_name().into_string().expect("UTF-8"))
-        .filter(|name| !seen.contains(name))
+        .filter(|name| !seen.contains(name) && (trainer.is_some() || name != "training.json"))
         .collect();
     assert!(unseen.is_empty(), "nothing was held against {unseen:?}");
 }

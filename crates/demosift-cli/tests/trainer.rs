@@ -18,7 +18,7 @@ fn trainers() -> PathBuf {
 }
 
 /// Arguments that name a trainer of the test's file.
-fn trainer(name: &str) -> Option<String> {
+pub(crate) fn trainer(name: &str) -> Option<String> {
     let python = crate::python::interpreter()?;
     Some(format!("--trainer {}:{name} --python {}", trainers().display(), python.display()))
 }
