@@ -272,7 +272,8 @@ impl Uncertainty {
 /// assert_eq!(found.worth_keeping(), [DemoId(2), DemoId(0)]);
 /// let first = &found.demonstrations[0];
 /// assert!(first.low < first.gain && first.gain < first.high);
-/// assert!((0.3..0.8).contains(&first.top[0]), "to be the best: {}", first.top[0]);
+/// let best = first.top.at(1).expect("the best one");
+/// assert!((0.3..0.8).contains(&best), "to be the best: {best}");
 /// # Ok::<(), demosift::Error>(())
 /// ```
 pub fn uncertainty(table: &ScoreTable, resampling: &Resampling, seed: &Seed) -> Result<Uncertainty> {
