@@ -3,7 +3,7 @@
 //! Without Gymnasium these tests say that they were skipped.
 
 use std::process::Output;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use crate::support::{Scratch, assert_same_files, rewritten, write_set};
 use demosift::basics::seed::Seed;
@@ -221,14 +221,7 @@ fn no_worker_outlives_the_command() {
     // Not by a signal that could be told of.
     command.kill().unwrap();
     command.wait().unwrap();
-    // Gone, or dead and waiting for its new parent.
-    let lives =
-        || std::fs::read_to_string(format!("/proc/{worker}/stat")).is_ok_and(|stat| !stat.contains(") Z "));
-    let until = Instant::now() + Duration::from_secs(60);
-    while lives() {
-        assert!(Instant::now() < until, "the worker {worker} is still there");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    crate::support::wait_until_gone(&worker);
 }
 
 /// As Minari writes it: an environment by its specification, and a seed beside each episode.

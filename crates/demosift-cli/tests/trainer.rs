@@ -3,7 +3,7 @@
 //! Without a Python that has numpy (that of the tests of `--env`) these tests say that they were skipped.
 
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use crate::support::{Scratch, write_set};
 use demosift::basics::seed::Seed;
@@ -294,12 +294,5 @@ fn no_trainer_outlives_the_command() {
     // Not by a signal that could be told of.
     command.kill().unwrap();
     command.wait().unwrap();
-    // Gone, or dead and waiting for its new parent.
-    let lives =
-        || std::fs::read_to_string(format!("/proc/{worker}/stat")).is_ok_and(|stat| !stat.contains(") Z "));
-    let until = Instant::now() + Duration::from_secs(60);
-    while lives() {
-        assert!(Instant::now() < until, "the trainer {worker} is still there");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    crate::support::wait_until_gone(&worker);
 }

@@ -59,7 +59,7 @@ pub(super) fn run(arguments: &JobArguments, prior: &Path) -> Result<()> {
     }
     terminal::show(&tables::decides(decides, &found));
     terminal::show(&costs::played_from_given(&costs));
-    if let Some(account) = account(&given, &costs, job.set().len())? {
+    if let Some(account) = account(&given, &costs)? {
         terminal::show(&tables::account(account));
     }
     terminal::show(&kept_in(job.folder(), job.variant()));
@@ -67,13 +67,9 @@ pub(super) fn run(arguments: &JobArguments, prior: &Path) -> Result<()> {
 }
 
 /// What the judge of the paper cost, where the earlier run says what its prior did.
-fn account(given: &GivenPrior, costs: &Costs, demonstrations: usize) -> Result<Option<Account>> {
+fn account(given: &GivenPrior, costs: &Costs) -> Result<Option<Account>> {
     let once = given.config.method.stage().map(|stage| Spent::recall(&given.folder, stage)).transpose()?;
-    let judged = costs.spent.iter().find(|(stage, _)| *stage == costs.judging);
-    Ok(once.flatten().zip(judged).map(|(once, (_, judged))| Account {
-        once: once.environment_steps,
-        each: judged.environment_steps / demonstrations as u64,
-    }))
+    Ok(once.flatten().and_then(|once| costs.account_beside(once.environment_steps)))
 }
 
 /// How like each new demonstration is to those that the prior was trained on, where these were written down.

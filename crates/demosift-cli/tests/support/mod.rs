@@ -181,3 +181,13 @@ pub(crate) fn write_set(path: &Path, set: &DemonstrationSet) {
         .collect();
     d4rl::write(path, &episodes).unwrap();
 }
+
+/// Waits for a process to end that lost the one which started it: it is gone then, or dead and waiting for its new parent.
+pub(crate) fn wait_until_gone(process: &str) {
+    let stat = format!("/proc/{process}/stat");
+    let until = std::time::Instant::now() + std::time::Duration::from_secs(60);
+    while std::fs::read_to_string(&stat).is_ok_and(|stat| !stat.contains(") Z ")) {
+        assert!(std::time::Instant::now() < until, "the process {process} is still there");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+}

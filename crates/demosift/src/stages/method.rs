@@ -249,14 +249,20 @@ pub struct Account {
 impl Costs {
     /// What was paid once and what for each demonstration, as soon as both are known.
     pub fn account(&self) -> Option<Account> {
-        let of = |stage: &str| {
-            self.spent.iter().find(|(name, _)| name == stage).map(|(_, spent)| spent.environment_steps)
-        };
         let once = match self.method.stage() {
-            Some(stage) => of(stage)?,
+            Some(stage) => self.of_stage(stage)?,
             None => 0,
         };
-        Some(Account { once, each: of(&self.judging)? / self.demonstrations.max(1) as u64 })
+        self.account_beside(once)
+    }
+
+    /// The same where the prior was paid for elsewhere, by an earlier run.
+    pub fn account_beside(&self, once: u64) -> Option<Account> {
+        Some(Account { once, each: self.of_stage(&self.judging)? / self.demonstrations.max(1) as u64 })
+    }
+
+    fn of_stage(&self, stage: &str) -> Option<u64> {
+        self.spent.iter().find(|(name, _)| name == stage).map(|(_, spent)| spent.environment_steps)
     }
 
     /// Environment steps spent of the quota: those of making the prior and of judging.
