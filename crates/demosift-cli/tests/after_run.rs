@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
-use crate::support::{Scratch, assert_same_files};
+use crate::support::{Scratch, assert_same_files, rewritten};
 use serde_json::Value;
 
 /// Without a race, which would give further repeats to those near the cut.
@@ -28,6 +28,85 @@ fn assert_holds(files: &Files, held: &Files, but: &[&str]) {
 
 /// What grows.
 const GROWS: [&str; 3] = ["metrics.jsonl", "measured.json", "events.out.tfevents.demosift"];
+
+/// Where the judge of the paper is asked about a part of the set, everything says so and shows the rest without it.
+#[test]
+fn a_judge_of_those_near_the_cut_is_shown_as_one() {
+    let scratch = Scratch::new("near-cut");
+    let near = "Of the 4 demonstrations the judge of the paper judged the 2 nearest to the cut";
+    let asked = "set --task point_mass --config tiny.toml --keep 1 --set near_cut=2";
+    let foreseen = scratch.succeed(&format!("sift {asked} --out run --dry-run"));
+    assert!(foreseen.contains("judges the 2 nearest to the cut of the judge by cloning"), "{foreseen}");
+    let said = scratch.succeed(&format!("sift {asked} --out run"));
+    assert!(unwrapped(&said).contains(near), "{said}");
+    let unseen = said.lines().filter(|line| line.trim_end().ends_with('-') && line.contains('[')).count();
+    assert_eq!(unseen, 2, "{said}");
+
+    let judged: Value = serde_json::from_str(&scratch.succeed("judge --out run --resume --json")).unwrap();
+    let of_paper = judged["judges"].as_array().unwrap().iter().find(|one| one["judge"] == "paper").unwrap();
+    assert_eq!(of_paper["scores"]["suitabilities"].as_array().unwrap().len(), 2);
+    assert_eq!(of_paper["best"]["k"], 1, "of two that stand on both sides of the cut one is above");
+
+    let report: Value = serde_json::from_str(&scratch.succeed("report --out run --json")).unwrap();
+    let entries = report["entries"].as_array().unwrap();
+    let by_paper: Vec<bool> = entries.iter().map(|entry| !entry["by_judge"][1].is_null()).collect();
+    assert_eq!(by_paper, [true, true, false, false], "the first is kept");
+
+    // Another cut needs no more of it.
+    let again = scratch.succeed("sift --out run --resume --keep 2");
+    assert!(unwrapped(&again).contains(near), "{again}");
+
+    let new = scratch.succeed("judge set --prior run --episodes 0,3 --out new");
+    assert!(new.contains("of 3") && new.contains("of 5"), "beside the two and the four of before: {new}");
+}
+
+/// Without the ends of lines.
+fn unwrapped(said: &str) -> String {
+    said.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// What a run is computed with stands in its files, and portable arithmetic is part of the run.
+#[test]
+fn portable_arithmetic_is_kept_to_and_told() {
+    let scratch = Scratch::new("portable");
+    let asked = "set --task point_mass --config tiny.toml --portable";
+    scratch.succeed(&format!("sift {asked} --out one --threads 1"));
+    scratch.succeed(&format!("judge {asked} --out two --threads 2"));
+    scratch.succeed("sift --out two --resume --threads 2");
+    let (one, two) = (scratch.files("one"), scratch.files("two"));
+    assert_holds(&two, &one, &[GROWS[0], GROWS[1], GROWS[2], "report.html"]);
+    let resolved = String::from_utf8(one["resolved.toml"].clone()).unwrap();
+    assert!(resolved.contains("portable = true"), "{resolved}");
+    let spent: Vec<&String> = one.keys().filter(|name| name.starts_with("spent_")).collect();
+    assert!(spent.len() >= 4, "{spent:?}");
+    for name in spent {
+        assert_eq!(json(&one, name)["arithmetic"], serde_json::json!(["portable"]), "{name}");
+    }
+
+    scratch.succeed("sift set --task point_mass --config tiny.toml --out native --referee none");
+    let native = json(&scratch.files("native"), "spent_judge_paper.json")["arithmetic"].clone();
+    let of_processor = ["x86-64-v4", "x86-64-v3", "x86-64", "other"].map(|name| serde_json::json!([name]));
+    assert!(of_processor.contains(&native), "{native}");
+    scratch.refuse("sift --out native --resume --portable", &["portable was false there, and is true now"]);
+}
+
+/// A run that processors of two kinds worked on says so.
+#[test]
+fn unlike_arithmetic_is_told() {
+    let scratch = Scratch::new("unlike");
+    scratch.succeed("judge set --task point_mass --config tiny.toml --judge cloning --out run");
+    let path = scratch.0.join("run/spent_judge_cloning.json");
+    let mut other = "x86-64-v3";
+    rewritten(&path, |spent| {
+        let arithmetic = spent["arithmetic"].as_array_mut().unwrap();
+        if arithmetic[0] == other {
+            other = "x86-64-v4";
+        }
+        arithmetic.push(other.into());
+    });
+    let said = unwrapped(&scratch.succeed("judge --out run --resume"));
+    assert!(said.contains("computed by unlike processors") && said.contains(other), "{said}");
+}
 
 #[test]
 fn another_keep_judges_nothing_again_and_says_what_a_new_run_would() {

@@ -46,6 +46,23 @@ fn parts_that_judge_at_the_same_time_find_what_one_process_finds() {
     assert_collected(&scratch, "undivided", "shared");
 }
 
+/// Whom the judge of the paper judges is known once the judge by cloning has judged all, by whomever.
+#[test]
+fn parts_wait_for_each_other_to_know_who_is_near_the_cut() {
+    let scratch = Scratch::new("parts-near");
+    let asked = format!("set {TASK} --set near_cut=2");
+    let said = scratch.succeed(&format!("judge {asked} --out undivided"));
+    scratch.succeed(&format!("meta-train {asked} --out shared"));
+    let first = scratch.succeed(&format!("judge {asked} --out shared --part 1/2"));
+    assert!(first.contains("left") && first.contains("by the judge of the paper"), "{first}");
+    for part in ["2/2", "1/2", "2/2", "1/2"] {
+        scratch.succeed(&format!("judge {asked} --out shared --part {part}"));
+    }
+    let collected = scratch.succeed("judge --out shared --resume");
+    assert_eq!(collected.replace("shared", "undivided"), said);
+    assert_collected(&scratch, "undivided", "shared");
+}
+
 /// Repeats that race for the cut need all that was found before them; parts make them too, one round at each start.
 #[test]
 fn parts_that_are_started_again_finish_by_themselves() {

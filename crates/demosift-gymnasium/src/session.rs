@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use demosift::data::trajectory::Parts;
+use demosift::math::arithmetic;
 use demosift::{Error, Result};
 use serde::Deserialize;
 use serde_json::json;
@@ -101,7 +102,8 @@ impl Session {
             return Err(Error::bad_input(message));
         }
         let sizes = TurnSizes { observation, info: 0 };
-        let plays = greeting.player.as_deref() == Some(whole::PLAYER);
+        // A process that plays by itself takes the quickest arithmetic that it has.
+        let plays = greeting.player.as_deref() == Some(whole::PLAYER) && !arithmetic::is_portable();
         Ok((Self { process, sizes, plays, sound: true }, greeting))
     }
 

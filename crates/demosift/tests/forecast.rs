@@ -167,6 +167,7 @@ fn over_a_grid_of_configurations_what_is_counted_is_what_is_played() {
         let has_prior = judges != Judges::Cloning && config.method.stage() == Some("meta_train");
         config.keep = if has_prior && index % 3 == 0 { Keep::Weights } else { Keep::Count(1) };
         (config.judge.repeats, config.judge.evaluations) = (repeats, 1 + index % 3);
+        config.near_cut = 1 + index % 4;
         (config.meta_train.meta_batch, config.inner.batch_steps) = (1 + index % 6, 60 + 50 * (index % 3));
         let cloning = &mut config.cloning_judge.judging;
         (cloning.repeats, cloning.iterations, cloning.evaluations) = (1 + index % 2, 1 + index % 4, repeats);

@@ -39,6 +39,8 @@ fn small(seed: u64) -> Config {
         method: Method::Maml,
         keep: Keep::Count(2),
         judged_for: None,
+        portable: false,
+        near_cut: 100,
         policy: PolicyShape { hidden: vec![16, 16], initial_std: 0.5 },
         inner: InnerUpdate {
             batch_steps: 240,
@@ -154,6 +156,36 @@ fn c_4_planted_good_demonstrations_come_first_by_cloning_too() {
         assert_eq!(panel.decides, Judge::Cloning);
         assert!(panel.deciding().agrees_with_itself.unwrap() > 0.5);
     }
+}
+
+/// Of a set that is larger than what is near the cut, the judge of the paper is asked about those alone, and about them it says
+/// what it says as a judge of all.
+#[test]
+fn the_judge_of_the_paper_judges_those_near_the_cut_of_a_large_set() {
+    let bearings = [180.0, 10.0, 120.0, -15.0, -130.0, 60.0, -90.0, 35.0];
+    let set = planted_set(&bearings, Seed::new(50)).unwrap();
+    let (task, mut config) = (PointMass::new(), small(1));
+    (config.near_cut, config.meta_train.rounds) = (4, 3);
+    let playground = Playground::new(&task);
+    let ledger = &mut InMemory::default();
+    let run = &mut Run { set: &set, playground: &playground, config: &config, ledger, observer: &mut Silent };
+    // Asked at once, it asks the judge by cloning first.
+    let table = experiment::scores(run, Judge::Paper).unwrap();
+    let cloning = select::rank(&experiment::scores(run, Judge::Cloning).unwrap());
+    let mut near: Vec<DemoId> = cloning.entries[..4].iter().map(|entry| entry.demo).collect();
+    near.sort_unstable();
+    assert_eq!(table.demos(), near, "two are kept, so two above the cut and two below");
+
+    let sifted = experiment::sift(run).unwrap();
+    let paper = sifted.panel.of(Judge::Paper).unwrap();
+    assert_eq!((sifted.panel.decides, paper.judged()), (Judge::Cloning, 4));
+    assert_eq!(sifted.selection.ranking.entries.len(), 8);
+    assert_eq!(experiment::costs(run).unwrap().demonstrations, 4, "its account is about these");
+
+    let all = Config { near_cut: 8, ..config.clone() };
+    let whole = scores(&set, &task, &all);
+    let of_near: Vec<_> = whole.suitabilities.into_iter().filter(|of| near.contains(&of.demo)).collect();
+    assert_eq!(table.suitabilities, of_near);
 }
 
 /// More updates bring the agent nearer to each demonstration, the good and the bad.

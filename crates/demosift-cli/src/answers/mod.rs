@@ -3,13 +3,14 @@
 #[cfg(test)]
 mod schema_tests;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use demosift::data::demonstration::DemoId;
 use demosift::data::demonstration::inspection::{Inspection, Look};
 use demosift::data::demonstration::listing::ColumnSeen;
 use demosift::data::likeness::Likeness;
+use demosift::math::arithmetic::Arithmetic;
 use demosift::results::data_only::Column;
 use demosift::results::gain::Gain;
 use demosift::results::panel::{self, Disagreement, Opinion, Panel, Vote};
@@ -200,7 +201,7 @@ pub(crate) struct OfJudge<'a> {
 }
 
 impl<'a> OfJudge<'a> {
-    /// `k` is how many of the best are asked about.
+    /// `k` is how many of the best of those that it judged are asked about.
     pub(crate) fn new(opinion: &'a Opinion, scores: &'a ScoreTable, k: usize) -> Self {
         Self {
             judge: opinion.judge,
@@ -266,6 +267,8 @@ pub(crate) struct Spending {
     environment_steps: BTreeMap<String, u64>,
     /// What of it is paid once and what for each demonstration, where the judge of the paper judged.
     account: Option<Account>,
+    /// What it was computed with; of several, the same seed need not give the same bits elsewhere.
+    arithmetic: BTreeSet<Arithmetic>,
 }
 
 impl Spending {
@@ -276,6 +279,7 @@ impl Spending {
             quota: costs.budget.quota,
             spent_of_quota: costs.of_quota(),
             environment_steps: stages.collect(),
+            arithmetic: costs.arithmetic(),
             account: costs.account(),
         }
     }

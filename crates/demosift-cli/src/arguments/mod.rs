@@ -244,6 +244,9 @@ pub(crate) struct RunArguments {
     /// Threads to play on; the results do not depend on it [default: all processors]
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<usize>,
+    /// Compute the same bits on every x86-64 processor of 2013 or later (docs/cluster.md); a run keeps to it
+    #[arg(long)]
+    pub(crate) portable: bool,
     /// Print the results as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -449,6 +452,7 @@ impl ReportArguments {
             resume: true,
             dry_run: false,
             threads: self.threads,
+            portable: false,
             json: self.json,
         };
         let source = SetArguments::default();

@@ -4,6 +4,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use demosift::Result;
+use demosift::results::panel::Judge;
+use demosift::run::experiment;
 use demosift::run::forecast::{self, Forecast, Goal};
 use demosift::world::environment::Task;
 
@@ -21,6 +23,17 @@ const EARLY: &str = "Episodes of this task may end early, and the steps are coun
 pub(super) fn of_job(job: &mut Job, goal: Goal<'_>, arguments: &RunArguments) -> Result<()> {
     let forecast = job.run(|run| forecast::forecast(run, goal, &mut clock()))?;
     show(&forecast, job.chosen().task.as_ref(), job.folder().path(), arguments);
+    about_near_cut(job, &forecast, arguments)
+}
+
+/// Says where the judge of the paper will judge a part of the set alone.
+pub(super) fn about_near_cut(job: &mut Job, forecast: &Forecast, arguments: &RunArguments) -> Result<()> {
+    let judge = Judge::Paper;
+    let judged = job.run(|run| Ok(experiment::how_many(run.config, run.set, judge)))?;
+    let all = job.set().len();
+    if judged < all && forecast.has_to_judge(judge) && !arguments.json {
+        terminal::show(&format!("\n{}\n", tables::wrapped(&tables::panel::will_judge(judged, all))));
+    }
     Ok(())
 }
 

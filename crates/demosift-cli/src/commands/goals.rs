@@ -87,5 +87,5 @@ pub(super) fn dry_run_each(
         }
     }
     dry_run::show(&all, job.chosen().task.as_ref(), job.folder().path(), arguments);
-    Ok(())
+    dry_run::about_near_cut(job, &all, arguments)
 }

@@ -37,7 +37,9 @@ pub(crate) fn run(arguments: &JudgeArguments) -> Result<()> {
     if arguments.run.json {
         let answer = answers::Judge {
             judges: found()
-                .map(|(opinion, scores)| answers::OfJudge::new(opinion, scores, job.k()))
+                .map(|(opinion, scores)| {
+                    answers::OfJudge::new(opinion, scores, panel.places_above(opinion, job.k()))
+                })
                 .collect(),
             decides: panel.decides,
             agreement: panel.agreement,

@@ -86,16 +86,20 @@ fn standings(given: &GivenPrior, job: &Job, judge: Judge, new: &ScoreTable) -> R
     let Some(Judged { scores: earlier, .. }) = Judged::recall(&given.folder, judge.name())? else {
         return Ok(Vec::new());
     };
+    // The judge of the paper may have judged those near the cut of the judge by cloning, which judges all.
+    let by_all = Judged::recall(&given.folder, Judge::Cloning.name())?;
+    let by_all = by_all.map_or_else(|| earlier.clone(), |judged| judged.scores);
     let keep = given.config.keep;
     let seed = Seed::new(given.config.seed).of(judge.name());
     let several = job.variants().len() > 1;
     let kept = match Subset::recall(&given.folder, "")? {
         Some(subset) if !several => subset.demos.len(),
-        _ => keep.count_before_judging(earlier.demos().len()),
+        _ => keep.count_before_judging(by_all.demos().len()),
     };
     let under = |(index, goal): (usize, &String)| {
         let variant = EnvVariant(index);
         let earlier = earlier.under(variant);
+        let kept = standing::kept_of_judged(kept, &by_all.under(variant), &earlier);
         let earlier = Earlier { scores: &earlier, keep, kept };
         let standings = standing::standings(&earlier, &new.under(variant), &seed)?;
         Ok(Found { judge, goal: several.then(|| goal.clone()), standings, kept })

@@ -16,6 +16,7 @@ use demosift::data::demonstration::choice;
 use demosift::data::demonstration::{self, DemonstrationSet};
 use demosift::data::trajectory::StateLog;
 use demosift::learning::adapt::MetaPrior;
+use demosift::math::arithmetic;
 use demosift::results::artifact::{Artifact as _, FORMAT_VERSION};
 use demosift::results::data_only::DataOnly;
 use demosift::results::panel::Judge;
@@ -464,6 +465,9 @@ impl Request {
         for layer in layers(arguments)? {
             configuration::apply(&mut values, &layer)?;
         }
+        if values.get("portable").and_then(toml::Value::as_bool) == Some(true) {
+            arithmetic::make_portable();
+        }
         let prior = given.map(|given| given.origin.clone());
         Ok(Self { chosen, values, begun, out, prior, part })
     }
@@ -525,6 +529,10 @@ fn layers(arguments: &RunArguments) -> Result<Vec<Layer>> {
     }
     if let Some(seed) = arguments.seed {
         layers.push(Layer::from_option("--seed", "seed", seed)?);
+    }
+    if arguments.portable {
+        let values = Table::from_iter([("portable".to_owned(), toml::Value::Boolean(true))]);
+        layers.push(Layer { source: "--portable".to_owned(), values });
     }
     Ok(layers)
 }

@@ -133,7 +133,7 @@ function judges() {
   }
   if (judges.length < 2 && !said.length) return;
   const disputed = new Set(disagreements.map((one) => one.demo));
-  const cells = (one) => [
+  const cells = (one) => one == null ? [el("td", {}, "–"), el("td", {}, "–"), el("td", { class: "left wide" }, "–")] : [
     el("td", {}, `${one.place}`), el("td", {}, signed(one.gain, scoreDecimals)),
     el("td", { class: "left wide" }, `${signed(one.low, scoreDecimals)} to ${signed(one.high, scoreDecimals)}`)];
   const rows = entries.map((entry) => el("tr", { class: entry.kept ? "kept" : null },
@@ -141,6 +141,8 @@ function judges() {
     el("td", { class: "left" }, disputed.has(entry.demo) ? el("span", { class: "tag" }, "disputed") : "")));
   const heads = judges.flatMap((one) => [el("th", {}, `place by ${one.judge}`), el("th", {}, inUnit("gain")), el("th", { class: "left wide" }, `${percent(report.level)} interval`)]);
   const decider = judges.find((one) => one.decides);
+  for (const one of judges.filter((one) => one.judged < decider.judged))
+    said.unshift(`Of the ${decider.judged} demonstrations ${JUDGES[one.judge]} judged the ${one.judged} nearest to the cut, and its places are among these.`);
   into("judges",
     el("h2", {}, judges.length > 1 ? "What each judge says" : "The judge"),
     judges.length > 1 ? el("p", { class: "soft" }, `The order is that of ${JUDGES[decider.judge]}. Rank correlation between the two judges: ${correlation(agreement)}; of each with itself, from one repeat to the others: ${judges.map((one) => `${JUDGES[one.judge]} ${correlation(one.agrees_with_itself)}`).join(", ")}.`) : null,

@@ -23,7 +23,7 @@ pub(crate) fn played(costs: &Costs) -> String {
         ),
         false => String::new(),
     };
-    stages(costs, &format!("{of_the_method}{}", account(costs)))
+    stages(costs, &format!("{of_the_method}{}{}", account(costs), unlike(costs)))
 }
 
 /// What a set that grows pays once, and for each further demonstration.
@@ -38,6 +38,18 @@ fn account(costs: &Costs) -> String {
             )
         }
         None => String::new(),
+    }
+}
+
+/// Of which arithmetic the results are, where that is not one.
+fn unlike(costs: &Costs) -> String {
+    let names: Vec<String> = costs.arithmetic().iter().map(ToString::to_string).collect();
+    match names.len() {
+        0 | 1 => String::new(),
+        _ => format!(
+            " It was computed by unlike processors ({}), so another run with this seed may differ; with --portable it does not.",
+            names.join(", ")
+        ),
     }
 }
 

@@ -27,7 +27,10 @@ fn beside_each_other(panel: &Panel, unit: &str) -> String {
         let mut row = vec![demo.to_string()];
         for opinion in &panel.opinions {
             let doubts = &opinion.uncertainty.demonstrations;
-            let place = doubts.iter().position(|doubt| doubt.demo == demo).expect("all judges saw the set");
+            let Some(place) = doubts.iter().position(|doubt| doubt.demo == demo) else {
+                row.extend(["-", "-", "-"].map(str::to_owned));
+                continue;
+            };
             let doubt = &doubts[place];
             row.push((place + 1).to_string());
             row.push(scale.signed(doubt.gain));
@@ -45,6 +48,9 @@ fn remarks(panel: &Panel) -> Vec<String> {
     if let [_, _] = panel.opinions.as_slice() {
         remarks.push(taken(panel));
     }
+    remarks.extend(
+        panel.others().filter(|opinion| !panel.judged_all(opinion)).map(|opinion| near(panel, opinion)),
+    );
     remarks.extend(panel.opinions.iter().filter_map(without_vote));
     for judge in [Judge::Cloning, Judge::Paper] {
         remarks.extend(disagreement(&panel.disagreements, judge));
@@ -67,6 +73,24 @@ fn taken(panel: &Panel) -> String {
         in_words(panel.decides),
         correlation(panel.agreement),
         own.join(", ")
+    )
+}
+
+/// Whom a judge judged that did not judge all.
+fn near(panel: &Panel, opinion: &Opinion) -> String {
+    format!(
+        "Of the {} demonstrations {} judged the {} nearest to the cut, and its places are among these.",
+        panel.deciding().judged(),
+        in_words(opinion.judge),
+        opinion.judged()
+    )
+}
+
+/// Whom the judge of the paper will judge, where that is not all.
+pub(crate) fn will_judge(judged: usize, all: usize) -> String {
+    format!(
+        "Of the {all} demonstrations the judge of the paper judges the {judged} nearest to the cut of the judge by cloning; \
+         --set near_cut={all} asks it about all."
     )
 }
 

@@ -5,6 +5,10 @@
 //! A judge whose repeats agree no better than shuffled ones has no vote, nor has one under which no imitation surely made
 //! the agent better: what it says of this set is chance.
 //! The order is that of the first judge with a vote; `docs/design.md` says why it is not a mean of both.
+//! Of a large set the second may have judged only those near the cut of the first: it then decides nothing, and says which of
+//! these it would put above the cut.
+
+use std::collections::{BTreeMap, BTreeSet};
 
 use rand::seq::SliceRandom as _;
 use serde::{Deserialize, Serialize};
@@ -89,7 +93,7 @@ pub enum Vote {
 pub struct Opinion {
     /// Who.
     pub judge: Judge,
-    /// Its order.
+    /// Its order of those that it judged.
     pub ranking: Ranking,
     /// How sure it is.
     pub uncertainty: Uncertainty,
@@ -116,9 +120,9 @@ pub struct Disagreement {
 pub struct Panel {
     /// One per judge, in the order in which they were asked.
     pub opinions: Vec<Opinion>,
-    /// Whose order is taken.
+    /// Whose order is taken; it judged all.
     pub decides: Judge,
-    /// Spearman's rank correlation between the judges, where there are two.
+    /// Spearman's rank correlation between the judges, where there are two, over those that both judged.
     pub agreement: Option<f64>,
     /// Where they clearly differ about the best K, in the order of the set.
     pub disagreements: Vec<Disagreement>,
@@ -129,7 +133,7 @@ pub struct Panel {
 pub struct Found<'a> {
     /// Who.
     pub judge: Judge,
-    /// S of all.
+    /// S of all, or of a judge behind the first of some.
     pub scores: &'a ScoreTable,
 }
 
@@ -144,20 +148,38 @@ impl Panel {
         self.opinions.iter().find(|opinion| opinion.judge == judge)
     }
 
+    /// Whether a judge that was asked judged all; one that did not judged those near the cut.
+    pub fn judged_all(&self, opinion: &Opinion) -> bool {
+        opinion.judged() == self.deciding().judged()
+    }
+
+    /// How many of those that a judge judged are among the first K of the one that decides: so many it would put there too.
+    pub fn places_above(&self, opinion: &Opinion, k: usize) -> usize {
+        places_above(self.deciding(), opinion, k)
+    }
+
     /// Those whose order is not taken.
     pub fn others(&self) -> impl Iterator<Item = &Opinion> {
         self.opinions.iter().filter(|opinion| opinion.judge != self.decides)
     }
 }
 
-/// Sets the judges beside each other; `k` is where they must not disagree, K of the top K.
+impl Opinion {
+    /// How many demonstrations it is about.
+    pub fn judged(&self) -> usize {
+        self.ranking.entries.len()
+    }
+}
+
+/// Sets the judges beside each other, the first of which judged all; `k` is where they must not disagree, K of the top K.
 ///
 /// # Errors
-/// Bad input if there is no judge, or a table is not whole.
+/// Bad input if there is no judge, or a table is not whole: a demonstration lacks a variant, repeats or evaluations.
 pub fn panel(found: &[Found<'_>], k: usize, seed: &Seed) -> Result<Panel> {
     let opinions = found.iter().map(|found| opinion(found, seed)).collect::<Result<Vec<_>>>()?;
     let first = opinions.first().ok_or_else(|| Error::bad_input("no judge was asked"))?;
-    let decides = opinions.iter().find(|opinion| opinion.vote.counts()).unwrap_or(first).judge;
+    let may_decide = |opinion: &&Opinion| opinion.vote.counts() && opinion.judged() == first.judged();
+    let decides = opinions.iter().find(may_decide).unwrap_or(first).judge;
     let (agreement, disagreements) = match opinions.as_slice() {
         [one, other] => (agreement(one, other), disagreements([one, other], k)),
         _ => (None, Vec::new()),
@@ -241,19 +263,30 @@ fn is_more_than_chance(agreement: f64, repeats: &[Vec<f64>], seed: Seed) -> bool
 }
 
 fn agreement(one: &Opinion, other: &Opinion) -> Option<f64> {
-    let scores = |opinion: &Opinion| {
-        let mut entries = opinion.ranking.entries.clone();
-        entries.sort_by_key(|entry| entry.demo);
-        entries.iter().map(|entry| entry.gain).collect::<Vec<_>>()
+    let gains = |opinion: &Opinion| -> BTreeMap<DemoId, f64> {
+        opinion.ranking.entries.iter().map(|entry| (entry.demo, entry.gain)).collect()
     };
-    Some(agreement::spearman(&scores(one), &scores(other))).filter(|agreement| agreement.is_finite())
+    let (one, other) = (gains(one), gains(other));
+    let of_both = one.iter().filter_map(|(demo, gain)| Some((*gain, *other.get(demo)?)));
+    let (one, other): (Vec<f64>, Vec<f64>) = of_both.unzip();
+    Some(agreement::spearman(&one, &other)).filter(|agreement| agreement.is_finite())
 }
 
+fn places_above(first: &Opinion, other: &Opinion, k: usize) -> usize {
+    let judged: BTreeSet<DemoId> = other.ranking.entries.iter().map(|entry| entry.demo).collect();
+    first.ranking.entries.iter().take(k).filter(|entry| judged.contains(&entry.demo)).count()
+}
+
+/// Of a judge that judged some, K is how many of these are among the first K of the one before it.
 fn disagreements(opinions: [&Opinion; 2], k: usize) -> Vec<Disagreement> {
     let level = opinions[0].uncertainty.level;
-    let top = |opinion: &Opinion, demo| opinion.uncertainty.of(demo).and_then(|doubt| doubt.top.at(k));
+    let chances = |opinion: &Opinion| -> BTreeMap<DemoId, Option<f64>> {
+        let k = places_above(opinions[0], opinion, k);
+        opinion.uncertainty.demonstrations.iter().map(|doubt| (doubt.demo, doubt.top.at(k))).collect()
+    };
+    let chances = opinions.map(chances);
     let differ = |demo: DemoId| {
-        let [one, other] = opinions.map(|opinion| top(opinion, demo).unwrap_or(0.5));
+        let [one, other] = chances.each_ref().map(|of| of.get(&demo).copied().flatten().unwrap_or(0.5));
         let kept_by = |winner: &Opinion| Disagreement { demo, kept_by: winner.judge };
         match (one, other) {
             (sure, not) if sure >= level && not <= 1.0 - level => Some(kept_by(opinions[0])),
@@ -336,6 +369,34 @@ mod tests {
             })
             .count();
         assert!(votes <= 18, "{votes} of 200; one of twenty would be 10");
+    }
+
+    #[test]
+    fn a_judge_of_those_near_the_cut_decides_nothing_and_is_heard_about_them() {
+        let worth: Vec<f64> = (0..12).map(|demo| 12.0 - f64::from(demo)).collect();
+        let all = table(&worth, 0.05, 4, 1);
+        // The best K are 0 to 5; of 4 to 7 the other judge would put the last two above.
+        let mut near = table(&[0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0, 4.0], 0.05, 4, 2);
+        near.suitabilities.retain(|of| of.demo.0 >= 4);
+        let judged = |first: &ScoreTable| {
+            let found = [
+                Found { judge: Judge::Cloning, scores: first },
+                Found { judge: Judge::Paper, scores: &near },
+            ];
+            panel(&found, 6, &Seed::new(1)).expect("whole tables")
+        };
+        let panel = judged(&all);
+        let near_cut = panel.of(Judge::Paper).expect("it was asked");
+        assert!(panel.judged_all(panel.deciding()) && !panel.judged_all(near_cut));
+        assert_eq!((near_cut.judged(), panel.places_above(near_cut, 6)), (4, 2));
+        assert_eq!((panel.decides, panel.agreement), (Judge::Cloning, Some(-1.0)));
+        let found: Vec<(usize, Judge)> =
+            panel.disagreements.iter().map(|found| (found.demo.0, found.kept_by)).collect();
+        let (cloning, paper) = (Judge::Cloning, Judge::Paper);
+        assert_eq!(found, [(4, cloning), (5, cloning), (6, paper), (7, paper)]);
+
+        let chance = table(&[3.0; 12], 1.0, 4, 3);
+        assert_eq!(judged(&chance).decides, Judge::Cloning, "the other has a vote, but no order of all");
     }
 
     #[test]

@@ -8,12 +8,15 @@
 
 mod shown;
 
+use std::collections::BTreeSet;
+
 use serde::Serialize;
 
 use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::learning::adapt::UpdateReport;
+use crate::math::arithmetic::Arithmetic;
 use crate::math::statistics;
 use crate::results::artifact::Artifact;
 use crate::results::data_only::{Column, DataOnly};
@@ -135,8 +138,8 @@ pub struct Entry {
     pub group: usize,
     /// Whether it was kept.
     pub kept: bool,
-    /// What each judge says of it, in the order of [`Report::judges`].
-    pub by_judge: Vec<Said>,
+    /// What each judge says of it, in the order of [`Report::judges`]; `None` where it did not judge it.
+    pub by_judge: Vec<Option<Said>>,
     /// S under each variant, in the order of the variants; empty where there is only one.
     pub by_variant: Vec<Score>,
 }
@@ -149,6 +152,8 @@ pub struct JudgeShown {
     pub judge: Judge,
     /// Whether its order is the one that is taken.
     pub decides: bool,
+    /// How many demonstrations it judged: all, or those near the cut.
+    pub judged: usize,
     /// Whether what it says counts.
     pub vote: Vote,
     /// How far its repeats agree with each other.
@@ -259,6 +264,8 @@ pub struct Spending {
     pub stages: Vec<(String, u64)>,
     /// What of it is paid once and what for each demonstration, where the judge of the paper judged.
     pub account: Option<Account>,
+    /// What it was computed with; of several, the same seed need not give the same bits elsewhere.
+    pub arithmetic: BTreeSet<Arithmetic>,
 }
 
 /// Gathers what the ledger holds.
@@ -314,7 +321,7 @@ pub fn judged(ledger: &dyn Ledger, judge: Judge) -> Result<Judged> {
 
 fn shown_judge(opinion: &panel::Opinion, decides: Judge) -> JudgeShown {
     let panel::Opinion { judge, vote, agrees_with_itself, .. } = *opinion;
-    JudgeShown { judge, decides: judge == decides, vote, agrees_with_itself }
+    JudgeShown { judge, decides: judge == decides, judged: opinion.judged(), vote, agrees_with_itself }
 }
 
 /// The adaptation curves of all judges.
@@ -352,23 +359,18 @@ fn entries(sources: &Sources<'_>, scores: &ScoreTable, kept: &[DemoId], k: usize
             top: doubt.top.at(k).ok_or_else(|| foreign(demo))?,
             group: 1 + group.ok_or_else(|| foreign(demo))?,
             kept: kept.contains(&demo),
-            by_judge: sources
-                .panel
-                .opinions
-                .iter()
-                .map(|opinion| said(opinion, demo))
-                .collect::<Result<_>>()?,
+            by_judge: sources.panel.opinions.iter().map(|opinion| said(opinion, demo)).collect(),
             by_variant: under.iter().map(gain).collect(),
         })
     };
     ranking.entries.iter().map(entry).collect()
 }
 
-fn said(opinion: &panel::Opinion, demo: DemoId) -> Result<Said> {
+fn said(opinion: &panel::Opinion, demo: DemoId) -> Option<Said> {
     let doubts = &opinion.uncertainty.demonstrations;
-    let place = doubts.iter().position(|doubt| doubt.demo == demo).ok_or_else(|| foreign(demo))?;
+    let place = doubts.iter().position(|doubt| doubt.demo == demo)?;
     let doubt = &doubts[place];
-    Ok(Said { place: place + 1, gain: doubt.gain, low: doubt.low, high: doubt.high })
+    Some(Said { place: place + 1, gain: doubt.gain, low: doubt.low, high: doubt.high })
 }
 
 fn foreign(demo: DemoId) -> Error {
@@ -447,6 +449,7 @@ fn spending(costs: &Costs) -> Spending {
         of_quota: costs.of_quota(),
         stages: stages.collect(),
         account: costs.account(),
+        arithmetic: costs.arithmetic(),
     }
 }
 

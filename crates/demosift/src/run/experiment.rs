@@ -47,6 +47,7 @@ mod checks;
 mod chosen;
 mod judging;
 mod made_with;
+mod near_cut;
 mod oracle;
 mod sparing;
 mod verdict;
@@ -76,7 +77,7 @@ use crate::world::rollout::Playground;
 
 use arrows::Arrow;
 pub use checkpointing::{Checkpointing, forget_checkpoint};
-pub(crate) use checkpointing::{begun, stage_name, states_of_parts};
+pub(crate) use checkpointing::{OfPart, begun, stage_name, states_of_parts};
 pub use checks::{check, check_demonstrator, check_fits, check_has_weights};
 pub(crate) use chosen::cut;
 use chosen::cut_of_judging;
@@ -88,6 +89,8 @@ pub(crate) use made_with::{
     Preparation, cloning_update, information, judged_by, learning_by, learning_seed, preparation, weighed_by,
 };
 pub use made_with::{budget, check_budget};
+pub(crate) use near_cut::NEAR_CUT;
+pub use near_cut::how_many;
 pub(crate) use oracle::{OracleTraining, oracle_part, oracle_trainings, random_part};
 pub use oracle::{oracle, oracle_curve, policy_from_kept, random_subset};
 pub(crate) use sparing::FULL_EFFORT_UP_TO;
@@ -110,6 +113,14 @@ pub struct Config {
     /// to those near that cut.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub judged_for: Option<Keep>,
+    /// Whether the process computes the same bits on every x86-64 processor of 2013 or later; who begins the process has it do so
+    /// ([`crate::math::arithmetic::make_portable`]).
+    #[serde(default)]
+    pub portable: bool,
+    /// How many demonstrations of a larger set the judge of the paper judges where both judges are asked: those nearest to the
+    /// cut of the judge by cloning.
+    #[serde(default = "near_cut::near_cut")]
+    pub near_cut: usize,
     /// The policy's shape, in meta-training and from scratch.
     pub policy: PolicyShape,
     /// The inner update, in meta-training and in judging.
@@ -252,7 +263,8 @@ pub fn costs(run: &Run<'_>) -> Result<Costs> {
     let stages = stages.chain(imitations).chain([referee::STAGE.to_owned()]);
     let spent = stages.filter_map(|stage| recall(stage).transpose());
     let spent = spent.collect::<Result<_>>()?;
-    Ok(Costs { method, budget: budget(run), judging, spent, demonstrations: run.set.len() })
+    let demonstrations = near_cut::how_many(run.config, run.set, Judge::Paper);
+    Ok(Costs { method, budget: budget(run), judging, spent, demonstrations })
 }
 
 /// What scorers of the recorded data alone say of the set; nothing of it enters a ranking.

@@ -20,6 +20,7 @@ use crate::math::rows::Rows;
 use crate::results::panel::Judge;
 use crate::run::experiment::{self, Run};
 use crate::stages::demonstrator::{self, DemonstratorState, DemonstratorTraining};
+use crate::stages::judge;
 use crate::stages::meta_train::{self, MetaState, MetaTraining};
 use crate::stages::referee::imitation_by;
 use crate::world::environment::EnvVariant;
@@ -53,6 +54,12 @@ impl Forecast {
         self.environment_steps += other.environment_steps;
         self.minutes += other.minutes;
         self
+    }
+
+    /// Whether a judge has still to judge.
+    pub fn has_to_judge(&self, judge: Judge) -> bool {
+        let stage = experiment::stage_name(judge::STAGE, judge.name());
+        self.stages.iter().any(|foreseen| foreseen.planned.stage == stage)
     }
 
     /// That of a run which is finished.

@@ -7,7 +7,7 @@ use crate::learning::gail::Fitting;
 use crate::learning::mutual_information::{Credit, Paid, PosteriorFitting};
 use crate::learning::trpo::TrustRegion;
 use crate::results::panel::Judges;
-use crate::run::experiment::{CloningJudge, Config, FULL_EFFORT_UP_TO};
+use crate::run::experiment::{CloningJudge, Config, FULL_EFFORT_UP_TO, NEAR_CUT};
 use crate::stages::imitate::Imitation;
 use crate::stages::judge::Judging;
 use crate::stages::meta_train::{MetaTraining, MutualInformation, Order};
@@ -42,6 +42,8 @@ impl Preset {
             judges: Judges::Both,
             keep: Keep::Quarter,
             judged_for: None,
+            portable: false,
+            near_cut: NEAR_CUT,
             policy: PolicyShape { hidden: vec![32, 32], initial_std: 0.5 },
             inner: InnerUpdate { alphas: self.alphas(), ..update(20, 0.15) },
             meta_train: MetaTraining {

@@ -244,6 +244,8 @@ impl<'a> Start<'a> {
 pub struct Trial<'a> {
     /// V.
     pub set: &'a DemonstrationSet,
+    /// Which of it are judged, ascending.
+    pub demos: &'a [DemoId],
     /// E with K.
     pub playground: &'a Playground<'a>,
     /// θ with D_meta.
@@ -252,7 +254,7 @@ pub struct Trial<'a> {
     pub inner: &'a InnerUpdate,
     /// How long, how often and on what it is evaluated.
     pub judging: &'a Judging,
-    /// K of the top K: further repeats must separate these from the others.
+    /// K of the top K of those that are judged: further repeats must separate these from the others.
     pub cut: usize,
     /// Names this judging among others in events.
     pub part: &'a str,
@@ -310,6 +312,7 @@ pub const STAGE: &str = "judge";
 /// let task = PointMass::new();
 /// let trial = Trial {
 ///     set: &set,
+///     demos: &set.ids(),
 ///     playground: &Playground::new(&task),
 ///     start: Start::Prior(&prior),
 ///     inner: &config.inner,
@@ -338,9 +341,9 @@ pub fn judge(
     state: &mut JudgingState,
     observer: &mut dyn Observer,
 ) -> Result<Judged> {
-    let Trial { set, playground, start, inner, judging, .. } = trial;
+    let Trial { demos, playground, start, inner, judging, .. } = trial;
     let (task, starts_anew) = (playground.specification(), matches!(start, Start::Untrained { .. }));
-    let most = Effort::of(set.len(), task, judging, inner, starts_anew).units;
+    let most = Effort::of(demos.len(), task, judging, inner, starts_anew).units;
     observer.on(Event::Started { stage: STAGE, done: state.done(), total: most })?;
     for round in 0..rounds(trial.judging) {
         let units = units(trial, state, round);
@@ -404,11 +407,11 @@ fn units(trial: &Trial<'_>, state: &JudgingState, round: usize) -> Vec<Unit> {
 
 /// Lines 1 and 2: for all e_j, for all v_i.
 fn contested(trial: &Trial<'_>, state: &JudgingState, variant: EnvVariant, round: usize) -> Vec<DemoId> {
+    let ids = trial.demos;
     if round == 0 {
-        return trial.set.ids();
+        return ids.to_vec();
     }
     let before = repeats(trial.judging, round).start;
-    let ids = trial.set.ids();
     let mut means: Vec<Vec<f64>> = vec![Vec::new(); ids.len()];
     for (unit, outcome) in &state.finished {
         if let (true, Some(demo)) = (unit.variant == variant && unit.repeat < before, unit.demo)
@@ -462,7 +465,7 @@ fn assemble(trial: &Trial<'_>, state: &JudgingState) -> Judged {
     for variant in trial.playground.specification().variant_ids() {
         let before: Vec<Vec<Score>> =
             under(variant, None).iter().map(|outcome| outcome.scores.clone()).collect();
-        for demo in trial.set.ids() {
+        for &demo in trial.demos {
             let of_demo = under(variant, Some(demo));
             judged.scores.suitabilities.push(Suitability {
                 demo,

@@ -20,12 +20,15 @@
 //! Where we differ: the paper counts the quota in iterations, which cost different things in meta-training and judging;
 //! environment steps cost the same everywhere.
 
+use std::collections::BTreeSet;
+
 use serde::{Deserialize, Serialize};
 
 use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemonstrationSet;
 use crate::learning::adapt::Rule;
+use crate::math::arithmetic::Arithmetic;
 use crate::stages::judge::{Effort, Judging};
 use crate::stages::meta_train::{self, Learning};
 use crate::stages::pre_train;
@@ -79,6 +82,8 @@ pub struct Asked<'a> {
     pub learning: Learning<'a>,
     /// Judging.
     pub judging: &'a Judging,
+    /// How many demonstrations of the set are judged.
+    pub judged: usize,
 }
 
 /// How a method spends the quota.
@@ -114,11 +119,10 @@ fn budget_by_steps(
     asked: &Asked<'_>,
     seed: &Seed,
 ) -> Budget {
-    let Asked { learning, judging } = *asked;
+    let Asked { learning, judging, judged } = *asked;
     let Learning { training, inner, .. } = learning;
     let plainly = learning.plain();
-    let judged_by =
-        |judging| Effort::of(set.len(), playground.specification(), judging, inner, false).steps();
+    let judged_by = |judging| Effort::of(judged, playground.specification(), judging, inner, false).steps();
     let judged = judged_by(judging);
     let rounds = |how| meta_train::steps_by_round(set, playground, how, seed);
     let learned: u64 = rounds(&plainly).take(training.rounds).sum();
@@ -147,7 +151,7 @@ fn budget_by_updates(
     asked: &Asked<'_>,
     seed: &Seed,
 ) -> Budget {
-    let Asked { learning, judging } = *asked;
+    let Asked { learning, judging, judged } = *asked;
     let Learning { training, inner, .. } = learning;
     let task = playground.specification();
     let learned = training.rounds * training.meta_batch.min(set.len());
@@ -155,7 +159,7 @@ fn budget_by_updates(
         Method::Maml | Method::MamlMi => (training.rounds, judging.iterations),
         Method::AvgFineTune => (learned, judging.iterations),
         Method::FromScratch => {
-            let at_once = set.len() * judging.repeats * task.variants.len();
+            let at_once = judged * judging.repeats * task.variants.len();
             (0, judging.iterations + learned / at_once)
         }
     };
@@ -167,7 +171,7 @@ fn budget_by_updates(
         }
     };
     let judging = Judging { iterations, ..judging.clone() };
-    let judged = Effort::of(set.len(), task, &judging, inner, false).steps();
+    let judged = Effort::of(judged, task, &judging, inner, false).steps();
     Budget { quota: learned + judged, updates, iterations }
 }
 
@@ -213,12 +217,15 @@ fn affordable(prices: impl Iterator<Item = u64>, budget: u64) -> usize {
     sums.take_while(|sum| *sum <= budget).count()
 }
 
-/// Environment steps that a stage of a run really played.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// What a stage of a run really took, and what it was computed with.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Spent {
-    /// In all, evaluations among them.
+    /// Environment steps in all, evaluations among them.
     pub environment_steps: u64,
+    /// The arithmetic of each process that worked on it, and of the referee of the one that decided; of several, the same seed need
+    /// not give the same bits elsewhere.
+    pub arithmetic: BTreeSet<Arithmetic>,
 }
 
 /// What the stages of a run cost, beside what they may.
@@ -259,6 +266,11 @@ impl Costs {
     /// The same where the prior was paid for elsewhere, by an earlier run.
     pub fn account_beside(&self, once: u64) -> Option<Account> {
         Some(Account { once, each: self.of_stage(&self.judging)? / self.demonstrations.max(1) as u64 })
+    }
+
+    /// The arithmetic of all stages.
+    pub fn arithmetic(&self) -> BTreeSet<Arithmetic> {
+        self.spent.iter().flat_map(|(_, spent)| spent.arithmetic.iter().copied()).collect()
     }
 
     fn of_stage(&self, stage: &str) -> Option<u64> {

@@ -256,6 +256,7 @@ fn assess(round: &Round<'_>, prior: &MetaPrior, observer: &mut dyn Observer) -> 
     let mut within = Within { observer, round: round.number };
     let trial = Trial {
         set: round.set,
+        demos: &round.set.ids(),
         playground: round.playground,
         start: Start::Prior(prior),
         inner: learning.inner,

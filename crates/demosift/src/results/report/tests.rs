@@ -91,9 +91,9 @@ fn found(kept: Option<&[usize]>) -> Result<Report> {
             budget: Budget { quota: 100, updates: 1, iterations: 2 },
             judging: "judge_paper".to_owned(),
             spent: vec![
-                ("meta_train".to_owned(), Spent { environment_steps: 60 }),
-                ("judge_paper".to_owned(), Spent { environment_steps: 30 }),
-                ("imitate_all".to_owned(), Spent { environment_steps: 500 }),
+                ("meta_train".to_owned(), Spent { environment_steps: 60, ..Spent::default() }),
+                ("judge_paper".to_owned(), Spent { environment_steps: 30, ..Spent::default() }),
+                ("imitate_all".to_owned(), Spent { environment_steps: 500, ..Spent::default() }),
             ],
             demonstrations: 3,
         },
@@ -182,6 +182,7 @@ fn an_evaluation_is_played_again_to_the_bit_and_a_changed_one_is_refused() {
     let seed = Seed::new(5);
     let trial = Trial {
         set: &set,
+        demos: &set.ids(),
         playground: &playground,
         start: Start::Prior(&prior),
         inner: &inner(),

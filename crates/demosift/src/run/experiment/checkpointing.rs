@@ -1,8 +1,11 @@
 //! How a stage of a run is stored: its checkpoints as it goes, its result and what it cost when it is finished.
 
+use std::collections::BTreeSet;
+
 use crate::basics::error::Result;
 use crate::basics::ledger::Ledger;
 use crate::basics::observer::{Event, Observer, Snapshot};
+use crate::math::arithmetic::Arithmetic;
 use crate::results::artifact::{self, Artifact};
 use crate::stages::method::Spent;
 use crate::world::rollout::Playground;
@@ -16,11 +19,13 @@ pub struct Checkpointing<'a> {
     checkpoint: String,
     /// Environment steps of this stage before this process, less those of this process before this stage.
     offset: u64,
+    /// That of this process, and of those that came before it.
+    arithmetic: BTreeSet<Arithmetic>,
 }
 
-/// A state, behind the environment steps that it took to come there.
+/// A state, behind what it took to come there.
 #[derive(Debug)]
-struct Counted<'a>(u64, &'a dyn Snapshot);
+struct Counted<'a>(Spent, &'a dyn Snapshot);
 
 impl Snapshot for Counted<'_> {
     fn to_bytes(&self) -> Vec<u8> {
@@ -52,8 +57,14 @@ pub(crate) fn begun<State: serde::de::DeserializeOwned>(
 ) -> Result<(u64, usize)> {
     let checkpoint = artifact::checkpoint_name(stage, part);
     let Some(bytes) = ledger.recall(&checkpoint)? else { return Ok((0, 0)) };
-    let (spent, state): (u64, State) = artifact::read_checkpoint(&bytes, &checkpoint)?;
-    Ok((spent, done(&state)))
+    let (spent, state): (Spent, State) = artifact::read_checkpoint(&bytes, &checkpoint)?;
+    Ok((spent.environment_steps, done(&state)))
+}
+
+/// Where a part of a run stands in a stage.
+pub(crate) struct OfPart<State> {
+    pub(crate) spent: Spent,
+    pub(crate) state: State,
 }
 
 /// Where the parts of a run stand in a stage.
@@ -61,11 +72,11 @@ pub(crate) fn states_of_parts<State: serde::de::DeserializeOwned>(
     ledger: &dyn Ledger,
     stage: &str,
     part: &str,
-) -> Result<Vec<State>> {
+) -> Result<Vec<OfPart<State>>> {
     let checkpoint = artifact::checkpoint_name(stage, part);
     let read = |bytes: Vec<u8>| {
-        let (_, state): (u64, State) = artifact::read_checkpoint(&bytes, &checkpoint)?;
-        Ok(state)
+        let (spent, state) = artifact::read_checkpoint(&bytes, &checkpoint)?;
+        Ok(OfPart { spent, state })
     };
     ledger.of_parts(&checkpoint)?.into_iter().map(read).collect()
 }
@@ -82,28 +93,37 @@ impl<'a> Checkpointing<'a> {
     ) -> Result<(State, Self)> {
         ledger.claim()?;
         let checkpoint = artifact::checkpoint_name(stage, part);
-        let (spent, state): (u64, State) = match ledger.recall(&checkpoint)? {
+        let (spent, state): (Spent, State) = match ledger.recall(&checkpoint)? {
             Some(bytes) => artifact::read_checkpoint(&bytes, &checkpoint)?,
-            None => (0, start()?),
+            None => (Spent::default(), start()?),
         };
-        let offset = spent.wrapping_sub(playground.steps_taken());
+        let offset = spent.environment_steps.wrapping_sub(playground.steps_taken());
         let stage = stage_name(stage, part);
-        Ok((state, Self { ledger, observer, playground, stage, checkpoint, offset }))
+        let arithmetic = BTreeSet::from([Arithmetic::of_this_process()]);
+        let mut begun = Self { ledger, observer, playground, stage, checkpoint, offset, arithmetic };
+        begun.was_worked_on_by(&spent);
+        Ok((state, begun))
     }
 
-    fn spent(&self) -> u64 {
-        self.offset.wrapping_add(self.playground.steps_taken())
+    /// Takes over what others did of the stage.
+    pub(crate) fn was_worked_on_by(&mut self, others: &Spent) {
+        self.arithmetic.extend(&others.arithmetic);
+    }
+
+    fn spent(&self) -> Spent {
+        let environment_steps = self.offset.wrapping_add(self.playground.steps_taken());
+        Spent { environment_steps, arithmetic: self.arithmetic.clone() }
     }
 
     /// Stores the finished result and what it cost, and forgets the checkpoint.
     pub fn finish(self, part: &str, result: &impl Artifact) -> Result<()> {
-        let spent = self.spent();
+        let spent = self.spent().environment_steps;
         self.finish_having(spent, part, result)
     }
 
     /// The same for a stage that knows what it played: of units side by side, a checkpoint finds some half played.
     pub fn finish_having(self, environment_steps: u64, part: &str, result: &impl Artifact) -> Result<()> {
-        let spent = Spent { environment_steps };
+        let spent = Spent { environment_steps, ..self.spent() };
         self.observer.on(Event::Finished { stage: &self.stage })?;
         spent.store(self.ledger, &self.stage)?;
         result.store(self.ledger, part)?;

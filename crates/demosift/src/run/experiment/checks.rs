@@ -103,6 +103,7 @@ fn check_numbers(config: &Config) -> Result<()> {
     let Config { policy, inner, meta_train, mutual_information, subset_selection, imitate, .. } = config;
     let Config { judge, cloning_judge, .. } = config;
     let mut numbers = Numbers::default();
+    numbers.count("near_cut", config.near_cut);
     numbers.policy("policy", policy);
     numbers.update("inner", inner);
     numbers.count("meta_train.meta_batch", meta_train.meta_batch);

@@ -1,10 +1,12 @@
 //! What is kept, and under which names it is stored: a run may be asked again with another `keep`, and what was trained on
 //! before stays.
 
+use std::collections::BTreeSet;
+
 use super::{Config, Run, Selection, kept};
 use crate::basics::error::Result;
 use crate::data::demonstration::DemoId;
-use crate::results::panel::{Judge, Panel};
+use crate::results::panel::{Judge, Opinion, Panel};
 use crate::stages::referee::{KEPT, NamedSubset};
 use crate::stages::select::Keep;
 
@@ -34,11 +36,29 @@ const BY_WEIGHTS: &str = "kept by weights";
 /// The name of what `--keep auto` would keep.
 const SURELY_HELPS: &str = "surely helping";
 
+/// What a judge whose order is not taken would keep, if there is such a thing.
+///
+/// One that judged only those near the cut would keep as many of them as the one that decides, beside what this keeps of the
+/// others.
+fn kept_by_other(run: &Run<'_>, panel: &Panel, opinion: &Opinion) -> Result<Option<Vec<DemoId>>> {
+    if panel.judged_all(opinion) {
+        return Ok(Some(kept(run, opinion)?.demos));
+    }
+    if run.config.keep == Keep::Auto {
+        return Ok(None);
+    }
+    let cut = cut(run);
+    let judged: BTreeSet<DemoId> = opinion.ranking.entries.iter().map(|entry| entry.demo).collect();
+    let first = panel.deciding().ranking.entries.iter().take(cut).map(|entry| entry.demo);
+    let own = opinion.ranking.entries.iter().map(|entry| entry.demo).take(panel.places_above(opinion, cut));
+    Ok(Some(first.filter(|demo| !judged.contains(demo)).chain(own).collect()))
+}
+
 /// What final policies could be trained on: what each judge keeps, and what by the one that decides surely helps.
 pub fn worth_training_on(run: &Run<'_>, panel: &Panel, selection: &Selection) -> Result<Vec<NamedSubset>> {
     let mut by_others = Vec::new();
     for opinion in panel.others().filter(|_| run.config.keep != Keep::Weights) {
-        let demos = kept(run, opinion)?.demos;
+        let Some(demos) = kept_by_other(run, panel, opinion)? else { continue };
         let name = format!("{KEPT} by {}", as_keeper(opinion.judge));
         by_others.push(NamedSubset::new(&name, &demos).ending_in(&ending(run.config)));
     }
@@ -73,5 +93,5 @@ fn as_keeper(judge: Judge) -> &'static str {
 
 /// Whether both hold the same demonstrations, in whatever order.
 fn is_same(one: &[DemoId], other: &[DemoId]) -> bool {
-    one.len() == other.len() && one.iter().all(|demo| other.contains(demo))
+    one.len() == other.len() && one.iter().collect::<BTreeSet<_>>() == other.iter().collect()
 }

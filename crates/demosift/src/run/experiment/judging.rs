@@ -6,7 +6,7 @@ use super::made_with::{
     JudgedBy, Preparation, check_budget, information, judged_by, learning_by, learning_seed, preparation,
 };
 use super::{
-    Checkpointing, Config, Run, arrows, check_known, cut, cut_of_judging, forget_checkpoint, make,
+    Checkpointing, Config, OfPart, Run, arrows, check_known, cut, forget_checkpoint, make, near_cut,
     stage_name, states_of_parts,
 };
 use crate::basics::error::{Error, Result};
@@ -146,10 +146,11 @@ fn filter(run: &Run<'_>) -> Result<ObservationFilter> {
 /// Algorithm 2.
 fn judged(run: &mut Run<'_>, judge: Judge, start: Start<'_>) -> Result<ScoreTable> {
     let JudgedBy { judging, inner, .. } = &judged_by(run, judge);
-    let (cut, part, seed) = (cut_of_judging(run), judge.name(), judging_seed(run.config, judge));
+    let near_cut::Judged { demos, cut } = near_cut::judged(run, judge)?;
+    let (part, seed) = (judge.name(), judging_seed(run.config, judge));
     let Run { set, playground, ledger, observer, .. } = run;
     let anew = || Ok(JudgingState::default());
-    let others: Vec<JudgingState> = states_of_parts(*ledger, judge::STAGE, part)?;
+    let others: Vec<OfPart<JudgingState>> = states_of_parts(*ledger, judge::STAGE, part)?;
     let share = ledger.part().map(|part| {
         let variants = playground.specification().variants.len();
         ShareOfThreads { part, demonstrations: set.len(), variants }
@@ -157,8 +158,11 @@ fn judged(run: &mut Run<'_>, judge: Judge, start: Start<'_>) -> Result<ScoreTabl
     let crew: &dyn Crew = share.as_ref().map_or(&Threads, |share| share);
     let (mut state, mut checkpointing) =
         Checkpointing::begin(*ledger, *observer, playground, judge::STAGE, part, anew)?;
-    others.into_iter().for_each(|other| state.take_over(other));
-    let trial = Trial { set, playground, start, inner, judging, cut, part, seed: &seed };
+    for other in others {
+        checkpointing.was_worked_on_by(&other.spent);
+        state.take_over(other.state);
+    }
+    let trial = Trial { set, demos: &demos, playground, start, inner, judging, cut, part, seed: &seed };
     let mut judged = judge::judge(&trial, crew, &mut state, &mut checkpointing)?;
     if judged.adapted.len() < judged.scores.suitabilities.len() {
         let demos = worth_a_look(&judged.scores, cut);

@@ -5,7 +5,7 @@
 
 use std::borrow::Cow;
 
-use super::{Config, Run, sparing};
+use super::{Config, Run, near_cut, sparing};
 use crate::basics::error::Result;
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemonstrationSet;
@@ -23,18 +23,18 @@ use crate::world::rollout::Playground;
 /// How the run's method spends its budget.
 pub fn budget(run: &Run<'_>) -> Budget {
     let Run { set, playground, config, .. } = run;
-    method::budget(config.method, set, playground, &asked(config), &learning_seed(config))
+    method::budget(config.method, set, playground, &asked(config, set), &learning_seed(config))
 }
 
 /// Whether the budget of the run's method pays for any learning; the error says what would.
 pub fn check_budget(set: &DemonstrationSet, playground: &Playground<'_>, config: &Config) -> Result<()> {
-    method::check_budget(config.method, set, playground, &asked(config), &learning_seed(config))
+    method::check_budget(config.method, set, playground, &asked(config, set), &learning_seed(config))
 }
 
-fn asked(config: &Config) -> Asked<'_> {
+fn asked<'a>(config: &'a Config, set: &DemonstrationSet) -> Asked<'a> {
     let Config { meta_train: training, inner, mutual_information, judge: judging, .. } = config;
     let learning = Learning { training, inner, information: Some(mutual_information) };
-    Asked { learning, judging }
+    Asked { learning, judging, judged: near_cut::how_many(config, set, Judge::Paper) }
 }
 
 pub(crate) fn learning_seed(config: &Config) -> Seed {
@@ -79,6 +79,8 @@ pub(crate) fn learning_by<'a>(config: &'a Config, training: &'a MetaTraining) ->
 
 /// How one judge judges the set.
 pub(crate) struct JudgedBy<'a> {
+    /// How many demonstrations.
+    pub(crate) demonstrations: usize,
     /// How long, how often and on what it is evaluated.
     pub(crate) judging: Judging,
     /// How an adaptation updates.
@@ -90,13 +92,16 @@ pub(crate) struct JudgedBy<'a> {
 /// That of the paper makes as many updates as its method's budget pays for.
 pub(crate) fn judged_by<'a>(run: &Run<'a>, judge: Judge) -> JudgedBy<'a> {
     let config = run.config;
+    let demonstrations = near_cut::how_many(config, run.set, judge);
     match judge {
         Judge::Cloning => JudgedBy {
+            demonstrations,
             judging: sparing::judging(&config.cloning_judge, run.set),
             inner: Cow::Owned(cloning_update(config)),
             starts_anew: true,
         },
         Judge::Paper => JudgedBy {
+            demonstrations,
             judging: Judging { iterations: budget(run).iterations, ..config.judge.clone() },
             inner: Cow::Borrowed(&config.inner),
             starts_anew: false,
@@ -108,21 +113,23 @@ impl JudgedBy<'_> {
     /// What judging the set of a run takes at most.
     pub(crate) fn effort(&self, run: &Run<'_>) -> judge::Effort {
         let task = run.playground.specification();
-        let effort = judge::Effort::of(run.set.len(), task, &self.judging, &self.inner, self.starts_anew);
+        let all = self.demonstrations;
+        let effort = judge::Effort::of(all, task, &self.judging, &self.inner, self.starts_anew);
         if judge::is_kept_whole(run.set) {
             return effort;
         }
-        effort.and_looking_at(most_looked_at(run.set, task), task, &self.judging, &self.inner)
+        effort.and_looking_at(most_looked_at(all, task), task, &self.judging, &self.inner)
     }
 }
 
-/// How many demonstrations of a large set are looked at afterward, at most: over all goals and under each of them.
-fn most_looked_at(set: &DemonstrationSet, task: &Specification) -> usize {
+/// How many of those that were judged are looked at afterward where the set is large, at most: over all goals and under each of
+/// them.
+fn most_looked_at(judged: usize, task: &Specification) -> usize {
     let rankings = match task.variants.len() {
         1 => 1,
         variants => 1 + variants,
     };
-    set.len().min(rankings * report::MOST_WORTH_A_LOOK)
+    judged.min(rankings * report::MOST_WORTH_A_LOOK)
 }
 
 /// The inner update of the judge by behavioral cloning.

@@ -1,5 +1,6 @@
 //! The referee's trainings, each stored as a file of its own as it is finished, and what they say.
 
+use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -11,6 +12,7 @@ use crate::basics::ledger::Ledger;
 use crate::basics::observer::{Event, Observer, Silent};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
+use crate::math::arithmetic::Arithmetic;
 use crate::results::artifact::{self, Artifact, onnx};
 use crate::stages::imitate::{self, Effort, Imitation, ImitationState, LearningCurve, Lesson};
 use crate::stages::method::Spent;
@@ -95,7 +97,8 @@ fn recalled(run: &Run<'_>, candidates: &[Candidate]) -> Result<Option<Verdict>> 
 fn store(run: &mut Run<'_>, verdict: &Verdict, played: u64) -> Result<()> {
     store_best(run, verdict)?;
     if played > 0 {
-        Spent { environment_steps: played }.store(run.ledger, STAGE)?;
+        let arithmetic = BTreeSet::from([Arithmetic::of_this_process()]);
+        Spent { environment_steps: played, arithmetic }.store(run.ledger, STAGE)?;
     }
     verdict.store(run.ledger, "")
 }

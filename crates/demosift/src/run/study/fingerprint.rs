@@ -6,7 +6,7 @@ use serde_json::Value;
 use super::Work;
 use crate::basics::files;
 use crate::results::panel::Judges;
-use crate::run::experiment::{Config, FULL_EFFORT_UP_TO};
+use crate::run::experiment::{Config, FULL_EFFORT_UP_TO, NEAR_CUT};
 
 /// What a cell was made with.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -35,8 +35,10 @@ impl Fingerprint {
     }
 }
 
-/// The value that says up to which size of a set nothing is spared.
+/// Values that there were not always: up to which size of a set nothing is spared, and whose bits are computed.
 const FULL_EFFORT: &str = "full_effort_up_to";
+const NEAR: &str = "near_cut";
+const PORTABLE: &str = "portable";
 
 /// The hash of the values that enter some work; imitator and seed stand in the work itself.
 pub fn hash_of_entering(work: &Work, config: &Config) -> String {
@@ -46,7 +48,13 @@ pub fn hash_of_entering(work: &Work, config: &Config) -> String {
         if let Some(Value::Object(update)) = fields.get_mut("imitate").and_then(|of| of.get_mut("update")) {
             update.remove("imitation");
         }
-        // Cells of before this value was there are still right: all were of smaller sets, of which it changes nothing.
+        // Cells of before these values were there are still right, as they change nothing of them.
+        if fields.get(NEAR) == Some(&Value::from(NEAR_CUT)) {
+            fields.remove(NEAR);
+        }
+        if fields.get(PORTABLE) == Some(&Value::from(false)) {
+            fields.remove(PORTABLE);
+        }
         if let Some(Value::Object(judge)) = fields.get_mut("cloning_judge")
             && judge.get(FULL_EFFORT) == Some(&Value::from(FULL_EFFORT_UP_TO))
         {
@@ -59,10 +67,12 @@ pub fn hash_of_entering(work: &Work, config: &Config) -> String {
 /// Whether some part of the configuration can change what a cell finds; `keep` does, as repeats race for its cut.
 fn enters(work: &Work, judges: Judges, key: &str) -> bool {
     const NEVER_JUDGES: [&str; 5] = ["seed", "imitate", "subset_selection", "referee", "judged_for"];
-    const NEVER_WEIGHS: [&str; 6] = ["seed", "imitate", "referee", "cloning_judge", "judges", "keep"];
+    const NEVER_WEIGHS: [&str; 7] = ["seed", "imitate", "referee", "cloning_judge", "judges", "keep", NEAR];
     const PAPER_ALONE: [&str; 5] = ["method", "inner", "meta_train", "mutual_information", "judge"];
     match (work, judges) {
-        (Work::Training { .. }, _) => ["policy", "imitate"].contains(&key),
+        // One judge judges everybody.
+        (Work::Judging { .. }, Judges::Cloning | Judges::Paper) if key == NEAR => false,
+        (Work::Training { .. }, _) => ["policy", "imitate", PORTABLE].contains(&key),
         (Work::Weighing { .. }, _) => !NEVER_WEIGHS.contains(&key),
         (Work::Judging { .. }, _) if NEVER_JUDGES.contains(&key) => false,
         (Work::Judging { .. }, Judges::Cloning) => !PAPER_ALONE.contains(&key),

@@ -63,6 +63,7 @@ fn with_trial<T>(work: impl FnOnce(&Trial<'_>) -> T) -> T {
     let shape = PolicyShape { hidden: vec![8], initial_std: 0.5 };
     work(&Trial {
         set: &set,
+        demos: &set.ids(),
         playground: &Playground::new(&task),
         start: Start::Untrained {
             shape: &shape,
@@ -218,7 +219,8 @@ fn of_a_large_set_policies_and_curves_are_made_for_those_that_are_looked_at_alon
         let judging =
             Judging { iterations: 1, evaluations: 1, repeats: 1, most_repeats: 0, ..*trial.judging };
         let inner = InnerUpdate { batch_steps: 30, ..trial.inner.clone() };
-        let trial = Trial { set: &set, judging: &judging, inner: &inner, ..*trial };
+        let demos = &set.ids();
+        let trial = Trial { set: &set, demos, judging: &judging, inner: &inner, ..*trial };
         let Came { judged, mut state, told } = came(&trial, &Threads);
         let bare = |of: &Suitability| of.curves.iter().all(Vec::is_empty);
         assert!(judged.adapted.is_empty() && told.is_empty());
