@@ -36,7 +36,10 @@ fn a_judge_of_those_near_the_cut_is_shown_as_one() {
     let near = "Of the 4 demonstrations the judge of the paper judged the 2 nearest to the cut";
     let asked = "set --task point_mass --config tiny.toml --keep 1 --set near_cut=2";
     let foreseen = scratch.succeed(&format!("sift {asked} --out run --dry-run"));
-    assert!(foreseen.contains("judges the 2 nearest to the cut of the judge by cloning"), "{foreseen}");
+    assert!(
+        unwrapped(&foreseen).contains("judges the 2 nearest to the cut of the judge by cloning"),
+        "{foreseen}"
+    );
     let said = scratch.succeed(&format!("sift {asked} --out run"));
     assert!(unwrapped(&said).contains(near), "{said}");
     let unseen = said.lines().filter(|line| line.trim_end().ends_with('-') && line.contains('[')).count();
@@ -47,8 +50,8 @@ fn a_judge_of_those_near_the_cut_is_shown_as_one() {
     assert_eq!(of_paper["scores"]["suitabilities"].as_array().unwrap().len(), 2);
     assert_eq!(of_paper["best"]["k"], 1, "of two that stand on both sides of the cut one is above");
 
-    let report: Value = serde_json::from_str(&scratch.succeed("report --out run --json")).unwrap();
-    let entries = report["entries"].as_array().unwrap();
+    let report: Value = serde_json::from_str(&scratch.succeed("report run --json")).unwrap();
+    let entries = report["report"]["entries"].as_array().unwrap();
     let by_paper: Vec<bool> = entries.iter().map(|entry| !entry["by_judge"][1].is_null()).collect();
     assert_eq!(by_paper, [true, true, false, false], "the first is kept");
 

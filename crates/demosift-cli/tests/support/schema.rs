@@ -84,6 +84,9 @@ fn check(root: &Value, schema: &Value, value: &Value, place: &str) -> Result<(),
             "maximum" => value.as_f64().is_none_or(|value| value <= wanted.as_f64().unwrap()),
             "minItems" => value.as_array().is_none_or(|items| items.len() as u64 >= wanted.as_u64().unwrap()),
             "maxItems" => value.as_array().is_none_or(|items| items.len() as u64 <= wanted.as_u64().unwrap()),
+            "uniqueItems" => value.as_array().is_none_or(|items| {
+                items.iter().enumerate().all(|(place, item)| !items[..place].contains(item))
+            }),
             "required" => value.as_object().is_none_or(|object| {
                 list(wanted).iter().all(|name| object.contains_key(name.as_str().unwrap()))
             }),

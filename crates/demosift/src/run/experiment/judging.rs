@@ -6,8 +6,8 @@ use super::made_with::{
     JudgedBy, Preparation, check_budget, information, judged_by, learning_by, learning_seed, preparation,
 };
 use super::{
-    Checkpointing, Config, OfPart, Run, arrows, check_known, cut, forget_checkpoint, make, near_cut,
-    stage_name, states_of_parts,
+    Checkpointing, Config, OfPart, Run, arrows, check_known, cut, cut_of_judging, forget_checkpoint, make,
+    near_cut, stage_name, states_of_parts,
 };
 use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
@@ -146,7 +146,7 @@ fn filter(run: &Run<'_>) -> Result<ObservationFilter> {
 /// Algorithm 2.
 fn judged(run: &mut Run<'_>, judge: Judge, start: Start<'_>) -> Result<ScoreTable> {
     let JudgedBy { judging, inner, .. } = &judged_by(run, judge);
-    let near_cut::Judged { demos, cut } = near_cut::judged(run, judge)?;
+    let near_cut::Judged { demos, cut } = whom(run, judge)?;
     let (part, seed) = (judge.name(), judging_seed(run.config, judge));
     let Run { set, playground, ledger, observer, .. } = run;
     let anew = || Ok(JudgingState::default());
@@ -170,6 +170,15 @@ fn judged(run: &mut Run<'_>, judge: Judge, start: Start<'_>) -> Result<ScoreTabl
     }
     checkpointing.finish_having(state.played(), part, &judged)?;
     Ok(judged.scores)
+}
+
+/// Whom a judge judges: all, or those nearest to the cut of the judge by cloning, which then judges first.
+fn whom(run: &mut Run<'_>, judge: Judge) -> Result<near_cut::Judged> {
+    let (count, cut) = (near_cut::how_many(run.config, run.set, judge), cut_of_judging(run));
+    if count == run.set.len() {
+        return Ok(near_cut::Judged { demos: run.set.ids(), cut });
+    }
+    Ok(near_cut::near(&scores(run, Judge::Cloning)?, cut, count))
 }
 
 /// Which demonstrations a report looks at, over all goals and under each of them.

@@ -5,8 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Config, Run, cut_of_judging, scores};
-use crate::basics::error::Result;
+use super::Config;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::results::panel::{Judge, Judges};
 use crate::stages::judge::ScoreTable;
@@ -37,17 +36,12 @@ fn is_asked_near_the_cut(config: &Config, judge: Judge) -> bool {
     judge == Judge::Paper && config.judges == Judges::Both
 }
 
-/// Whom a judge judges: all, or those nearest to the cut of the judge by cloning, which then judges first.
-pub(super) fn judged(run: &mut Run<'_>, judge: Judge) -> Result<Judged> {
-    let (count, cut) = (how_many(run.config, run.set, judge), cut_of_judging(run));
-    if count == run.set.len() {
-        return Ok(Judged { demos: run.set.ids(), cut });
-    }
-    let by_cloning = scores(run, Judge::Cloning)?;
-    let demos = nearest(&by_goal(&by_cloning), cut, count);
-    let best = select::rank(&by_cloning).entries.into_iter().take(cut);
+/// So many that stand nearest to the cut of the judge by cloning.
+pub(super) fn near(by_cloning: &ScoreTable, cut: usize, count: usize) -> Judged {
+    let demos = nearest(&by_goal(by_cloning), cut, count);
+    let best = select::rank(by_cloning).entries.into_iter().take(cut);
     let cut = best.filter(|entry| demos.binary_search(&entry.demo).is_ok()).count();
-    Ok(Judged { demos, cut })
+    Judged { demos, cut }
 }
 
 /// What is kept is decided under each goal by itself (Eq. 9).
