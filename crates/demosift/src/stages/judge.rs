@@ -476,7 +476,10 @@ fn assemble(trial: &Trial<'_>, state: &JudgingState) -> Judged {
                 curves: of_demo.iter().map(|outcome| outcome.curve.clone()).collect(),
             });
             let policy = of_demo.iter().find_map(|outcome| outcome.policy.clone());
-            assert!(policy.is_some() || !is_kept_whole(trial.set), "the first repeat keeps its policy");
+            assert!(
+                policy.is_some() || !is_kept_whole(trial.demos.len()),
+                "the first repeat keeps its policy"
+            );
             judged.adapted.extend(policy.map(|policy| AdaptedPolicy { demo, variant, policy }));
         }
     }

@@ -115,7 +115,7 @@ impl JudgedBy<'_> {
         let task = run.playground.specification();
         let all = self.demonstrations;
         let effort = judge::Effort::of(all, task, &self.judging, &self.inner, self.starts_anew);
-        if judge::is_kept_whole(run.set) {
+        if judge::is_kept_whole(all) {
             return effort;
         }
         effort.and_looking_at(most_looked_at(all, task), task, &self.judging, &self.inner)

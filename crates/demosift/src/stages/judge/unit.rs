@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{Judging, Trial, evaluation_seeds, seed_under};
 use crate::basics::error::Result;
 use crate::basics::seed::Seed;
-use crate::data::demonstration::{DemoId, DemonstrationSet};
+use crate::data::demonstration::DemoId;
 use crate::data::trajectory::Trajectory;
 use crate::learning::adapt::{self, Course, Learner, UpdateReport};
 use crate::learning::gail;
@@ -62,16 +62,21 @@ impl Outcome {
 /// Those of adapting and playing, with the unit before them.
 pub fn judge_unit(trial: &Trial<'_>, unit: &Unit) -> Result<Outcome> {
     let whole = judged_whole(trial, unit)?;
-    Ok(if is_kept_whole(trial.set) { whole } else { Outcome { curve: Vec::new(), policy: None, ..whole } })
+    Ok(if is_kept_whole(trial.demos.len()) {
+        whole
+    } else {
+        Outcome { curve: Vec::new(), policy: None, ..whole }
+    })
 }
 
-/// Of a set of so many demonstrations the curve of every repeat and the policy of the first are kept; of a larger one neither,
-/// or a run would hold little else.
+/// Of so many demonstrations that are judged the curve of every repeat and the policy of the first are kept; of more neither, or a
+/// run would hold little else.
 const KEPT_WHOLE: usize = 200;
 
-/// Whether the units of a set keep their curves and policies; of a larger set they are made again for those that are looked at.
-pub fn is_kept_whole(set: &DemonstrationSet) -> bool {
-    set.len() <= KEPT_WHOLE
+/// Whether the units of so many demonstrations keep their curves and policies; of more they are made again for those that are
+/// looked at.
+pub fn is_kept_whole(judged: usize) -> bool {
+    judged <= KEPT_WHOLE
 }
 
 /// A unit with its curve, and with its policy if it is of the first repeat.
