@@ -9,6 +9,7 @@
 //! | here | is |
 //! |---|---|
 //! | [`source`] | what the user calls the environment, and what a set says of its own |
+//! | `robosuite` | the environment of robosuite that a set of robomimic names |
 //! | `process` | one process: frames, a time limit, its last words |
 //! | [`turn`] | what a reset or a step leads to |
 //! | [`whole`] | one episode, played here or there |
@@ -17,6 +18,7 @@
 //! | [`trainer`] | a trainer of the user's own as a [`Trainer`](demosift::world::trainer::Trainer), with its policies |
 //! | [`trial`] | a few steps by which is seen whether it repeats |
 //! | [`units`] | actions in the environment's own unit |
+//! | [`replay`] | demonstrations that are played again with their recorded actions |
 //! | [`check`] | whether it repeats, how fast it is, and whether recorded demonstrations fit it |
 //!
 //! What an episode leaves behind, step by step: `reward`, `terminated`, and the numbers of `info` that the heuristic reads.
@@ -24,6 +26,8 @@
 
 pub mod check;
 mod process;
+pub mod replay;
+mod robosuite;
 mod session;
 pub mod source;
 pub mod task;

@@ -9,15 +9,18 @@ use serde_json::json;
 
 use crate::process::{Answer, Interpreter, Process};
 use crate::source::Source;
-use crate::turn::{Turn, TurnSizes};
+use crate::turn::{Turn, TurnSizes, f64s};
 use crate::whole::{self, Act, Sizes, Turns};
 
 /// The version of the frames, the same in `python/demosift/worker.py`.
-pub(crate) const PROTOCOL: u32 = 3;
+pub(crate) const PROTOCOL: u32 = 4;
 const OPEN: u8 = b'O';
 const MEASURE: u8 = b'M';
 const RESET: u8 = b'R';
 const STEP: u8 = b'S';
+const PUT: u8 = b'I';
+const STATE: u8 = b'Q';
+const NUMBERS: u8 = b'A';
 const GREETING: u8 = b'G';
 pub(crate) const DONE: u8 = b'K';
 const TURN: u8 = b'T';
@@ -39,6 +42,10 @@ pub(crate) struct Greeting {
     pub(crate) info: Vec<String>,
     /// Steps after which it stops an episode by itself.
     pub(crate) limit: Option<usize>,
+    /// Steps that an episode has where nobody says how many.
+    pub(crate) usual: Option<usize>,
+    /// Whether it can be put into a recorded state.
+    pub(crate) is_put: bool,
     /// Simulated seconds of a step, where it says so.
     pub(crate) step_secs: Option<f64>,
     /// Seconds of a picture.
@@ -117,6 +124,27 @@ impl Session {
             self.sizes.info = names.len();
         }
         Ok(known)
+    }
+
+    /// Goes on from a recorded state, of this model where it is not the environment's own.
+    pub(crate) fn put(&mut self, model: Option<&str>, state: &[f64], turn: &mut Turn) -> Result<()> {
+        let model = model.unwrap_or("").as_bytes();
+        let mut payload = Vec::with_capacity(4 + model.len() + 8 * state.len());
+        payload.extend((model.len() as u32).to_le_bytes());
+        payload.extend(model);
+        payload.extend(state.iter().flat_map(|number| number.to_le_bytes()));
+        let answer = self.ask(PUT, &payload, "going on from a recorded state")?;
+        self.read_turn(&answer, turn)
+    }
+
+    /// The state that it is in: time, positions and velocities.
+    pub(crate) fn state(&mut self) -> Result<Vec<f64>> {
+        let answer = self.ask(STATE, &[], "a look at its state")?;
+        if answer.letter != NUMBERS {
+            self.sound = false;
+            return Err(Error::simulation("the worker's answer to a look at its state is none"));
+        }
+        Ok(f64s(&answer.payload).collect())
     }
 
     /// Plays whole episodes of one policy, one for each of `acts`, in the process if it has what plays there.

@@ -62,6 +62,7 @@ struct Opened {
     versions: BTreeMap<String, String>,
     info: Vec<String>,
     units: Units,
+    is_put: bool,
     trial: Trial,
     /// Open environments that nobody plays in: to open one may take seconds.
     idle: Mutex<Vec<Session>>,
@@ -93,12 +94,12 @@ impl GymnasiumTask {
         let whose = Whose::environment();
         let interpreter = Interpreter { python: python.clone(), time_limit: *time_limit, whose };
         let (mut session, greeting) = Session::open(&interpreter, source)?;
-        let horizon = horizon_of(*horizon, greeting.limit, source)?;
+        let horizon = horizon_of(*horizon, &greeting, source)?;
         let words = heuristic.as_deref().unwrap_or(DEFAULT_HEURISTIC);
         let Measured { names, fold, success } = measured(words, &mut session, &greeting, horizon)?;
         let units = Units::new(&greeting.bounds);
         let trial = trial::trial(&mut session, &units, TRIAL_STEPS.min(horizon))?;
-        let Greeting { versions, parts, bounds, info, step_secs, picture_secs, .. } = greeting;
+        let Greeting { versions, parts, bounds, info, step_secs, picture_secs, is_put, .. } = greeting;
         let specification = Specification {
             name: source.short_name(),
             observation_size: parts.iter().map(|(_, width)| width).sum(),
@@ -121,6 +122,7 @@ impl GymnasiumTask {
             versions,
             info,
             units,
+            is_put,
             trial,
             idle: Mutex::new(vec![session]),
         })))
@@ -159,6 +161,11 @@ impl GymnasiumTask {
     /// Between its actions and those of a policy.
     pub fn units(&self) -> &Units {
         &self.0.units
+    }
+
+    /// Whether it can be put into a recorded state.
+    pub fn is_put(&self) -> bool {
+        self.0.is_put
     }
 
     /// What the first few steps showed.
@@ -279,8 +286,8 @@ fn measured(words: &str, session: &mut Session, greeting: &Greeting, horizon: us
 }
 
 /// How many steps an episode has.
-fn horizon_of(asked: Option<usize>, limit: Option<usize>, source: &Source) -> Result<usize> {
-    match (asked, limit) {
+fn horizon_of(asked: Option<usize>, greeting: &Greeting, source: &Source) -> Result<usize> {
+    match (asked, greeting.limit) {
         (Some(0), _) => Err(Error::bad_config("--horizon 0: must be at least 1")),
         (Some(asked), Some(limit)) if asked > limit => Err(Error::bad_config(format!(
             "--horizon {asked}: {} stops an episode after {limit} steps by itself",
@@ -289,11 +296,11 @@ fn horizon_of(asked: Option<usize>, limit: Option<usize>, source: &Source) -> Re
         .with_hint("give at most as many, or let the environment be made with a higher max_episode_steps")),
         (Some(asked), _) => Ok(asked),
         (None, Some(limit)) => Ok(limit),
-        (None, None) => Err(Error::bad_config(format!(
-            "{} does not say after how many steps an episode stops",
-            source.words()
-        ))
-        .with_hint(format!("add --horizon N, such as --horizon {NO_LIMIT_STEPS}"))),
+        (None, None) => greeting.usual.ok_or_else(|| {
+            let words = source.words();
+            Error::bad_config(format!("{words} does not say after how many steps an episode stops"))
+                .with_hint(format!("add --horizon N, such as --horizon {NO_LIMIT_STEPS}"))
+        }),
     }
 }
 

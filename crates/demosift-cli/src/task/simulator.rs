@@ -4,17 +4,18 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use demosift::data::demonstration::episode::Columns;
 use demosift::world::environment::Task as _;
 use demosift::world::rollout::Playground;
 use demosift::{Error, Result};
 use demosift_gymnasium::check::SLOW;
-use demosift_gymnasium::source::Source;
+use demosift_gymnasium::source::{NamingSet, Source};
 use demosift_gymnasium::task::{GymnasiumTask, Wanted};
 use demosift_gymnasium::trial::Repeats;
 use serde::{Deserialize, Serialize};
 use toml::Table;
 
-use crate::arguments::SimulatorArguments;
+use crate::arguments::{SimulatorArguments, SourceArguments};
 use crate::configuration::Layer;
 use crate::console::terminal;
 
@@ -44,7 +45,7 @@ pub(crate) struct Simulator {
     /// Least and greatest of each number of an action, in the environment's own unit: what −1 and 1 of a policy mean.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) bounds: Vec<[f64; 2]>,
-    /// The environment that a set named, as Gymnasium writes it.
+    /// The environment that a set named: as Gymnasium writes it, or what a set of robomimic says of it and is observed of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) spec: Option<String>,
     /// Whether code that the set names may run.
@@ -122,12 +123,26 @@ pub(crate) struct Earlier<'a> {
     pub(crate) simulator: &'a Simulator,
 }
 
+/// The set that may name its environment; `recorded` are the columns of a run that goes on, where no others are typed.
+pub(crate) fn naming<'a>(
+    path: Option<&'a Path>,
+    how: Option<&'a SourceArguments>,
+    recorded: Option<&'a Columns>,
+) -> Option<NamingSet<'a>> {
+    let typed = how.map_or(&[][..], |how| &how.observation_columns);
+    let observations = match recorded {
+        Some(recorded) if typed.is_empty() => &recorded.observations,
+        _ => typed,
+    };
+    Some(NamingSet { path: path?, format: how.and_then(|how| how.format), observations })
+}
+
 /// Opens the environment that is asked for, or that an earlier run was about; `None` if it is a task that is meant.
 ///
 /// `set` is the set of demonstrations that `from-set` means; `has_trainer` says whether some options may be about a trainer.
 pub(crate) fn open(
     asked: &SimulatorArguments,
-    set: Option<&Path>,
+    set: Option<NamingSet<'_>>,
     earlier: Option<Earlier<'_>>,
     has_trainer: bool,
 ) -> Result<Option<Simulated>> {
@@ -135,7 +150,7 @@ pub(crate) fn open(
     let source = match (&asked.env, earlier) {
         (Some(env), _) => Source::parse(env, set, asked.trust_set)?,
         (None, Some(Earlier { env, simulator })) => match &simulator.spec {
-            Some(spec) => Source::Set { spec: spec.clone(), trusted: simulator.trusted || asked.trust_set },
+            Some(spec) => Source::of_spec(spec.clone(), simulator.trusted || asked.trust_set),
             None => Source::parse(env, set, false)?,
         },
         (None, None) => return asked.check_unused(has_trainer).map(|()| None),
@@ -170,7 +185,7 @@ fn check_workers(count: usize) -> Result<()> {
 }
 
 /// The name that the environment's folder has, before it is opened.
-pub(crate) fn folder_name(asked: &SimulatorArguments, set: Option<&Path>) -> Result<Option<String>> {
+pub(crate) fn folder_name(asked: &SimulatorArguments, set: Option<NamingSet<'_>>) -> Result<Option<String>> {
     let env = asked.env.as_ref();
     env.map(|env| Ok(Source::parse(env, set, asked.trust_set)?.short_name())).transpose()
 }

@@ -8,9 +8,11 @@ What is asked and answered are frames: the length of the payload (u32), one lett
 | asked | payload | answered | payload |
 |---|---|---|---|
 | `O` open | JSON: environment | `G` greeting | JSON: versions, sizes, names |
-| `M` measure | JSON: names of numbers in info | `K` done | none |
+| `M` measure | JSON: names of numbers in info, steps of an episode | `K` done | JSON: names of all there are |
 | `R` reset | seed, u64 | `T` turn | see `turn` |
 | `S` step | action in the environment's own unit, f64 each | `T` turn | see `turn` |
+| `I` into a recorded state | length of the model's text, u32, 0 if there is none; the text; the state, f64 each | `T` turn | see `turn` |
+| `Q` which state | none | `A` state | f64 each |
 | `P` play | policy and seeds, see `src/whole.rs` | `W` played | episodes; before it may stand any number of `H`, for "still playing" |
 | `L` learn with | JSON: trainer, sizes of an observation and an action | `K` done | JSON: versions |
 | `D` demonstration | its number of steps, u32; observations and actions, f32 each | `K` done | none |
@@ -29,8 +31,8 @@ import signal
 import struct
 import sys
 
-PROTOCOL = 3
-LETTERS = {"open": b"O", "measure": b"M", "reset": b"R", "step": b"S", "play": b"P"}
+PROTOCOL = 4
+LETTERS = {"open": b"O", "measure": b"M", "reset": b"R", "step": b"S", "play": b"P", "put": b"I", "state": b"Q"}
 LEARNING = {"learn": b"L", "demonstration": b"D", "train": b"N", "begin": b"B", "act": b"A"}
 TERMINATED, TRUNCATED = 1, 2
 PR_SET_PDEATHSIG = 1
@@ -70,6 +72,8 @@ def take_streams():
 
 def make(asked):
     """The environment that is asked for."""
+    if asked.get("kind") == "robosuite":
+        return module_of(asked["adapter"], "demosift_robosuite").make(asked["robosuite"], asked["longest"], Refused)
     import gymnasium
 
     if asked.get("spec") is not None:
@@ -91,6 +95,17 @@ def named(asked):
     for part in asked["name"].split("."):
         found = getattr(found, part)
     return found
+
+
+def module_of(text, name):
+    """The module that is this text."""
+    import types
+
+    module = types.ModuleType(name)
+    sys.modules[name] = module
+    # The name of what this file itself is called in a traceback, which is nobody's place.
+    exec(compile(text, "<string>", "exec"), vars(module))
+    return module
 
 
 def spec_of(text):
@@ -141,7 +156,9 @@ def leaves(space, name="", depth=0):
     if isinstance(space, spaces.Dict):
         inner = [(key, key, part) for key, part in sorted(space.spaces.items())]
     elif isinstance(space, spaces.Tuple):
-        inner = [(f"_index_{index}", index, part) for index, part in enumerate(space.spaces)]
+        # Those of a set have the names that they have there.
+        names = getattr(space, "names", None) or [f"_index_{index}" for index in range(len(space.spaces))]
+        inner = [(label, index, part) for index, (label, part) in enumerate(zip(names, space.spaces))]
     else:
         return [(name or "observation", space, ())]
     found = []
@@ -322,6 +339,18 @@ class Player:
         self.steps += 1
         return self.turn(observation, float(reward), bool(terminated), bool(truncated), info)
 
+    def put(self, payload):
+        """Goes on from a recorded state, where the environment can be put into one."""
+        (length,) = struct.unpack_from("<I", payload)
+        model = payload[4 : 4 + length].decode() if length else None
+        state = self.numpy.frombuffer(payload[4 + length :], self.doubles)
+        self.steps = 0
+        observation = self.env.unwrapped.put_into(model, state.copy())
+        return self.turn(observation, 0.0, False, False, None)
+
+    def state(self):
+        return self.numpy.asarray(self.env.unwrapped.state(), dtype=self.doubles).tobytes()
+
     def turn(self, observation, reward, terminated, truncated, info):
         """u8 with bits 1 terminated and 2 truncated, reward f64, observation f32 each, measured numbers f64 each."""
         flags = (TERMINATED if terminated else 0) | (TRUNCATED if truncated else 0)
@@ -374,6 +403,7 @@ class Player:
 
     def greeting(self, limit):
         info = self.numbers_in_info(False, 1)
+        inner = getattr(self.env, "unwrapped", self.env)
         return {
             "protocol": PROTOCOL,
             "versions": versions(self.env),
@@ -382,6 +412,8 @@ class Player:
             "bounds": self.bounds,
             "info": info,
             "limit": limit_of(self.env),
+            "usual": getattr(inner, "usual_steps", None),
+            "is_put": hasattr(inner, "put_into"),
             "step_secs": step_secs(self.env),
             "picture_secs": picture_secs(self.env),
         }
@@ -519,6 +551,10 @@ class Desk:
             return b"W", self.episodes.play(payload, self.player, self.beat)
         if letter == LETTERS["reset"]:
             return b"T", self.player.reset(struct.unpack("<Q", payload)[0])
+        if letter == LETTERS["put"]:
+            return b"T", self.player.put(payload)
+        if letter == LETTERS["state"]:
+            return b"A", self.player.state()
         asked = json.loads(payload)
         if letter == LETTERS["measure"]:
             return b"K", self.measure(asked)
