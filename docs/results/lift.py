@@ -1,4 +1,6 @@
-"""Records eight demonstrations of robosuite's task Lift, as a set of robomimic: three lift the cube, the others do not do it well.
+"""Records eight demonstrations of robosuite's task Lift, as a set of robomimic.
+
+Three lift the cube well and two with noise, two reach beside it, and one grasps it without lifting.
 
     python docs/results/lift.py lift.hdf5
 
@@ -26,7 +28,7 @@ ENVIRONMENT = {
 }
 OBSERVED = {"object": "object-state", **{name: name for name in ("robot0_eef_pos", "robot0_eef_quat", "robot0_gripper_qpos")}}
 STEPS = 80
-#: How far beside the cube it reaches, m; how noisy its actions are; whether it lifts.
+#: How far beside the cube it reaches, m; the standard deviation of the noise of its actions; whether it lifts.
 GOOD = {"beside": 0.0, "noise": 0.0, "lifts": True}
 NOISY = {**GOOD, "noise": 0.6}
 MISSES = {**GOOD, "beside": 0.08}
@@ -36,11 +38,10 @@ QUALITIES = [GOOD, MISSES, NOISY, GOOD, STAYS, MISSES, GOOD, NOISY]
 
 def policy(observed, step, quality, random):
     """Above the cube, down to it, close, lift; an action of changes of position, of rotation, and the gripper's."""
-    # Where the gripper is to be, from the cube; its own sign in robosuite is from the gripper to the cube.
-    height = 0.08 if step < 20 else 0.0 if step < 40 or not quality["lifts"] else 0.2
-    wanted = observed["cube_pos"] + [quality["beside"], 0.0, height]
+    wanted = observed["cube_pos"] + [quality["beside"], 0.0, 0.08 if step < 20 else 0.0]
     if step >= 40 and quality["lifts"]:
         wanted = numpy.array([*observed["robot0_eef_pos"][:2], 1.05])
+    # A change of 1 is 0.05 m.
     move = (wanted - observed["robot0_eef_pos"]) / 0.05
     action = numpy.concatenate([move, numpy.zeros(3), [-1.0 if step < 32 else 1.0]])
     action[:6] += quality["noise"] * random.standard_normal(6) * [1, 1, 1, 0.3, 0.3, 0.3]

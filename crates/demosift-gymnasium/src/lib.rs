@@ -9,6 +9,7 @@
 //! | here | is |
 //! |---|---|
 //! | [`source`] | what the user calls the environment, and what a set says of its own |
+//! | `own` | functions of the user's beside an environment: what measures more, and what scores an episode |
 //! | `robosuite` | the environment of robosuite that a set of robomimic names |
 //! | `process` | one process: frames, a time limit, its last words |
 //! | [`turn`] | what a reset or a step leads to |
@@ -25,6 +26,7 @@
 //! The row after the reset has nothing to say and is 0; no heuristic reads it.
 
 pub mod check;
+mod own;
 mod process;
 pub mod replay;
 mod robosuite;

@@ -60,12 +60,15 @@ pub(crate) fn replayed(
     starts: &Starts,
     most: usize,
 ) -> Result<Vec<Replayed>> {
-    // A process of its own: it is left with another model.
-    let mut session = match starts {
-        Starts::Seeds(_) => task.session()?,
-        Starts::States(_) if task.is_put() => task.new_session()?,
-        Starts::States(_) => return Ok(Vec::new()),
+    let tells = match starts {
+        Starts::Seeds(seeds) => seeds.iter().any(Option::is_some),
+        Starts::States(_) => task.is_put(),
     };
+    if !tells {
+        return Ok(Vec::new());
+    }
+    // A process of its own: it is left with another model, and with episodes of another length.
+    let mut session = task.new_session()?;
     let mut found = Vec::new();
     for demo in set.ids() {
         if found.len() == most {
@@ -75,29 +78,25 @@ pub(crate) fn replayed(
         match starts {
             Starts::Seeds(seeds) => {
                 let Some(seed) = seeds.get(demo.0).copied().flatten() else { continue };
+                // What is measured at the end of an episode is measured at its end.
+                session.measure(task.info_measured(), demonstration.steps())?;
                 let turns = episode(&mut session, seed, &actions(demonstration))?;
                 found.push(compared(task, demo, demonstration, &turns));
             }
             Starts::States(recordings) => {
                 let Some(recording) = recordings.get(demo.0).and_then(Option::as_ref) else { continue };
+                session.measure(task.info_measured(), demonstration.steps())?;
                 let (turns, state_drift) = from_state(&mut session, recording)?;
                 let compared = compared(task, demo, demonstration, &turns);
                 found.push(Replayed { state_drift: Some(state_drift), ..compared });
             }
         }
     }
-    if matches!(starts, Starts::Seeds(_)) {
-        task.give_back(session);
-    }
     Ok(found)
 }
 
 fn actions(demonstration: &Demonstration) -> Vec<Vec<f64>> {
-    demonstration
-        .actions()
-        .iter()
-        .map(|row| row.iter().map(|number| f64::from(*number)).collect())
-        .collect()
+    demonstration.actions().iter().map(|row| row.iter().map(|number| f64::from(*number)).collect()).collect()
 }
 
 /// All turns from the first recorded state on, and the greatest distance of a number of the state from the recorded one.

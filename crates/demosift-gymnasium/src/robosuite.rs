@@ -9,7 +9,8 @@ use serde_json::{Map, Value, json};
 const ADAPTER: &str = include_str!("../python/demosift/robosuite_env.py");
 /// Robomimic's numbers for kinds of environments, of which the first is robosuite's.
 const KINDS: [(i64, &str); 4] = [(1, "robosuite"), (2, "gym"), (3, "iGibson"), (4, "a real robot")];
-const ANOTHER_WAY: &str = "name an environment of your own, such as --env my_env.py:make or --env gymnasium:ID";
+const ANOTHER_WAY: &str =
+    "name an environment of your own, such as --env my_env.py:make or --env gymnasium:ID";
 
 /// What a set of robomimic says of its environment, as far as that decides what is played; a run writes it down.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -37,8 +38,9 @@ pub(crate) fn specified(named: &NamedEnvironment) -> Result<String> {
         kind => return Err(another_kind(kind, &arguments)),
     }
     let Some(env_name) = arguments.get("env_name").and_then(Value::as_str) else {
-        return Err(Error::bad_input("the set names no environment: env_args has no env_name")
-            .with_hint(ANOTHER_WAY));
+        return Err(
+            Error::bad_input("the set names no environment: env_args has no env_name").with_hint(ANOTHER_WAY)
+        );
     };
     let env_version = arguments.get("env_version").and_then(Value::as_str);
     let env_kwargs = arguments.get("env_kwargs").and_then(Value::as_object);
@@ -107,7 +109,8 @@ mod tests {
 
     #[test]
     fn what_decides_what_is_played_is_written_down() {
-        let arguments = r#"{"env_name": "Lift", "type": 1, "env_version": "1.4.1", "env_kwargs": {"robots": ["Panda"]}}"#;
+        let arguments =
+            r#"{"env_name": "Lift", "type": 1, "env_version": "1.4.1", "env_kwargs": {"robots": ["Panda"]}}"#;
         let spec = specified(&named(arguments)).unwrap();
         let written: Value = serde_json::from_str(&spec).unwrap();
         let wanted = json!({

@@ -7,6 +7,7 @@ use demosift::{Error, Result};
 use serde::Deserialize;
 use serde_json::json;
 
+use crate::own::Own;
 use crate::process::{Answer, Interpreter, Process};
 use crate::source::Source;
 use crate::turn::{Turn, TurnSizes, f64s};
@@ -27,6 +28,7 @@ const TURN: u8 = b'T';
 pub(crate) const PROBLEM: u8 = b'E';
 const PLAY: u8 = b'P';
 const PLAYED: u8 = b'W';
+const FUNCTION: &str = "function";
 
 /// What an environment says of itself when it is opened.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -57,7 +59,8 @@ pub(crate) struct Greeting {
 /// What was wrong in the process.
 #[derive(Deserialize)]
 pub(crate) struct Problem {
-    /// `refused` if what the user has works and cannot be used, `raised` if it does not work.
+    /// `refused` if what the user has works and cannot be used, `raised` if it does not work, `function` if a function of theirs
+    /// beside the environment is at fault, whose name the message begins with.
     pub(crate) kind: String,
     pub(crate) message: String,
     pub(crate) hint: Option<String>,
@@ -87,10 +90,12 @@ impl Session {
     ///
     /// # Errors
     /// `is_bad_input` if there is no such interpreter or environment, or one that cannot be used.
-    pub(crate) fn open(interpreter: &Interpreter, source: &Source) -> Result<(Self, Greeting)> {
+    pub(crate) fn open(interpreter: &Interpreter, source: &Source, own: &Own) -> Result<(Self, Greeting)> {
         let mut process = Process::start(interpreter)?;
         let what = format!("the start of {}", source.words());
-        let answer = process.ask(OPEN, source.request().to_string().as_bytes(), &what)?;
+        let mut asked = source.request();
+        asked["own"] = own.request();
+        let answer = process.ask(OPEN, asked.to_string().as_bytes(), &what)?;
         if answer.letter == PROBLEM {
             let problem = problem(&answer, &what)?;
             return Err(at_the_start(&problem, interpreter, source));
@@ -112,10 +117,9 @@ impl Session {
         Ok((Self { process, sizes, plays, sound: true }, greeting))
     }
 
-    /// Measures these numbers of info from now on. Returns all there are: if one of them is missing, nothing is measured.
+    /// Measures these numbers of info from now on, in episodes of at most `limit` steps. Returns all there are: if one of them is missing, nothing is measured.
     ///
-    /// Some are there only at the end of an episode, so an episode of at most `limit` steps is played for one that is not
-    /// there after the first step.
+    /// Some are there only at the end of an episode, so an episode is played for one that is not there after the first step.
     pub(crate) fn measure(&mut self, names: &[String], limit: usize) -> Result<Vec<String>> {
         let asked = json!({ "names": names, "limit": limit }).to_string();
         let answer = self.ask(MEASURE, asked.as_bytes(), "an episode of random actions")?;
@@ -176,8 +180,11 @@ impl Session {
         if answer.letter == PROBLEM {
             let found = problem(&answer, what)?;
             let place = found.place_in_words();
-            let Problem { message, hint, .. } = found;
-            let error = Error::simulation(format!("the environment failed in {what}: {message}{place}"));
+            let Problem { kind, message, hint, .. } = found;
+            let error = Error::simulation(match kind == FUNCTION {
+                true => message,
+                false => format!("the environment failed in {what}: {message}{place}"),
+            });
             return Err(match hint {
                 Some(hint) => error.with_hint(hint),
                 None => error,
@@ -222,6 +229,13 @@ fn json_of<T: for<'a> Deserialize<'a>>(answer: &Answer, letter: u8, what: &str) 
 fn at_the_start(problem: &Problem, interpreter: &Interpreter, source: &Source) -> Error {
     let Problem { kind, message, hint, .. } = problem;
     let words = source.words();
+    if kind == FUNCTION {
+        let error = Error::bad_input(message.clone());
+        return match message.contains("cannot be imported") {
+            true => error.with_hint(install_or_name(message, interpreter)),
+            false => error,
+        };
+    }
     if kind == "refused" {
         let error = Error::bad_input(format!("{words}: {message}"));
         return match hint {

@@ -16,6 +16,7 @@ const GYMNASIUM: &str = "gymnasium:";
 const FROM_SET: &str = "from-set";
 const WANTED: &str = "wanted gymnasium:ID such as gymnasium:HalfCheetah-v5, FILE.py:FUNCTION such as my_env.py:make, \
                       package.module:FUNCTION, or from-set";
+const WANTED_OWN: &str = "wanted FILE.py:FUNCTION such as my_env.py:measure, or package.module:FUNCTION";
 const WANTED_TRAINER: &str = "wanted FILE.py:FUNCTION such as my_train.py:train, or package.module:FUNCTION";
 
 /// Where an environment or a trainer comes from.
@@ -126,6 +127,14 @@ impl Source {
     /// `is_bad_input` if it is nothing of that kind, or the file does not exist.
     pub(crate) fn of_trainer(typed: &str) -> Result<Self> {
         Self::of_function(typed, "trainer", WANTED_TRAINER)
+    }
+
+    /// A function of the user's beside an environment, called `what` in errors.
+    ///
+    /// # Errors
+    /// As [`of_trainer`](Source::of_trainer).
+    pub(crate) fn of_own(typed: &str, what: &str) -> Result<Self> {
+        Self::of_function(typed, what, WANTED_OWN)
     }
 
     /// A function in a file or a module; `what` and `wanted` are for errors.

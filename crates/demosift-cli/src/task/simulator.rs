@@ -35,8 +35,11 @@ const SLOW_VALUES: &str = "judges = 'cloning'\nreferee.gail = 0";
 pub(crate) struct Simulator {
     /// The interpreter.
     pub(crate) python: PathBuf,
-    /// In a few words.
+    /// In a few words, or the function of a whole episode, from any working directory.
     pub(crate) heuristic: String,
+    /// The function that measures more of each step, from any working directory.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) measure: Option<String>,
     pub(crate) horizon: usize,
     /// Of Python and of all that the physics depend on.
     pub(crate) versions: BTreeMap<String, String>,
@@ -67,6 +70,7 @@ impl Simulated {
         Simulator {
             python: task.python().to_owned(),
             heuristic: task.heuristic_words().to_owned(),
+            measure: task.measure_words(),
             horizon: task.specification().horizon,
             versions: task.versions().clone(),
             repeats: task.repeats(),
@@ -162,6 +166,7 @@ pub(crate) fn open(
         source,
         python: python.or(simulator.map(|of| of.python.clone())).unwrap_or_else(|| PYTHON.into()),
         heuristic: asked.heuristic.clone().or(simulator.map(|of| of.heuristic.clone())),
+        measure: asked.measure.clone().or(simulator.and_then(|of| of.measure.clone())),
         horizon: asked.horizon.or(simulator.map(|of| of.horizon)),
         time_limit: time_limit(asked)?,
     })?;
@@ -204,10 +209,11 @@ pub(crate) fn difference(
             return Some(("the task".to_owned(), kind(is_one).to_owned(), kind(!is_one).to_owned()));
         }
     };
-    let spec = |of: &Simulator| of.spec.clone().unwrap_or_else(|| "none".to_owned());
+    let or_none = |words: &Option<String>| words.clone().unwrap_or_else(|| "none".to_owned());
     let mut pairs = vec![
-        ("the environment that the set names".to_owned(), spec(old), spec(new)),
+        ("the environment that the set names".to_owned(), or_none(&old.spec), or_none(&new.spec)),
         ("the heuristic".to_owned(), old.heuristic.clone(), new.heuristic.clone()),
+        ("the function that measures".to_owned(), or_none(&old.measure), or_none(&new.measure)),
         ("the horizon".to_owned(), old.horizon.to_string(), new.horizon.to_string()),
     ];
     let version =
@@ -234,12 +240,13 @@ pub(super) fn absolute(python: &Path) -> Result<PathBuf> {
 impl SimulatorArguments {
     /// Refuses what would say nothing; an interpreter and a time limit may be those of a trainer.
     fn check_unused(&self, has_trainer: bool) -> Result<()> {
-        let Self { env: _, python, workers, horizon, heuristic, time_limit, trust_set } = self;
+        let Self { env: _, python, workers, horizon, heuristic, measure, time_limit, trust_set } = self;
         let given = [
             ("--python", python.is_some() && !has_trainer),
             ("--workers", workers.is_some()),
             ("--horizon", horizon.is_some()),
             ("--heuristic", heuristic.is_some()),
+            ("--measure", measure.is_some()),
             ("--time-limit", time_limit.is_some() && !has_trainer),
             ("--trust-set", *trust_set),
         ];
@@ -261,6 +268,7 @@ mod tests {
         Simulator {
             python: "python3".into(),
             heuristic: "sum reward".to_owned(),
+            measure: None,
             horizon: 30,
             versions: versions
                 .iter()

@@ -80,7 +80,8 @@ class Robosuite(gymnasium.Env):
         low, high = self.made.action_spec
         self.action_space = spaces.Box(numpy.asarray(low, float), numpy.asarray(high, float), dtype=numpy.float64)
         self.dt = 1.0 / float(self.made.control_freq)
-        self.usual_steps = arguments.get("horizon") or longest
+        usual = arguments.get("horizon") or longest
+        self.usual_steps = int(usual) if usual else None
         if self.hard_reset is None:
             # To load the model anew takes as long as forty steps.
             self.made.hard_reset = self.hard_reset = not self.repeats()

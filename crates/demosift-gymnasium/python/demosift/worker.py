@@ -30,11 +30,14 @@ import os
 import signal
 import struct
 import sys
+from collections.abc import Mapping
 
 PROTOCOL = 4
 LETTERS = {"open": b"O", "measure": b"M", "reset": b"R", "step": b"S", "play": b"P", "put": b"I", "state": b"Q"}
 LEARNING = {"learn": b"L", "demonstration": b"D", "train": b"N", "begin": b"B", "act": b"A"}
 TERMINATED, TRUNCATED = 1, 2
+#: What every environment measures, and the name of what a function says of a whole episode.
+ALWAYS, SCORE = ("reward", "terminated"), "score"
 PR_SET_PDEATHSIG = 1
 DEEPEST = 8
 #: Flags and reward stand before the observation of a turn.
@@ -47,6 +50,10 @@ class Refused(Exception):
     def __init__(self, message, hint=None):
         super().__init__(message)
         self.hint = hint
+
+
+class Fault(Exception):
+    """A function of the user's beside the environment did what cannot be used; says which function and what."""
 
 
 def end_with_parent(parent):
@@ -139,6 +146,10 @@ def import_file(path):
     import importlib.util
 
     folder, name = os.path.dirname(path), os.path.splitext(os.path.basename(path))[0]
+    known = sys.modules.get(name)
+    if known is not None and getattr(known, "__file__", None) == path:
+        # An environment and what measures it may lie in one file, which is run once.
+        return known
     sys.path.insert(0, folder)
     spec = importlib.util.spec_from_file_location(name, path)
     module = importlib.util.module_from_spec(spec)
@@ -299,14 +310,111 @@ def as_number(value):
     return None
 
 
+class Own:
+    """A function of the user's beside the environment: `measure` after each step, or `score` of an episode."""
+
+    def __init__(self, asked, wanted):
+        self.words = asked["words"]
+        try:
+            self.function = named(asked)
+        except Exception as error:
+            raise Fault(f"{self.words} cannot be imported: {in_words(error)}") from None
+        if not callable(self.function):
+            raise Fault(f"{self.words} is of type {type(self.function).__name__}; wanted a function {wanted}")
+
+    def call(self, when, *arguments):
+        try:
+            return self.function(*arguments)
+        except Exception as error:
+            raise Fault(f"{self.words} failed {when}: {in_words(error)}") from None
+
+    def number(self, value, when, name=None):
+        """A finite number that it returned, under a name if there are several."""
+        number, what = as_number(value), self.words if name is None else f"{self.words}: '{name}'"
+        if number is None:
+            verb = "returned an object" if name is None else "is"
+            raise Fault(f"{what} {verb} of type {type(value).__name__} {when}; wanted a number")
+        if not -float("inf") < number < float("inf"):
+            raise Fault(f"{what} {'returned' if name is None else 'is'} {number} {when}; wanted a finite number")
+        return number
+
+
+class Measure(Own):
+    """More numbers of each step, by `measure(env, obs, reward, info)`, which returns them by name."""
+
+    def __init__(self, asked):
+        super().__init__(asked, "measure(env, obs, reward, info), which returns numbers by name")
+        self.names = None
+
+    def numbers(self, env, step, observation, reward, info):
+        when = f"after step {step}"
+        found = self.call(when, env, observation, reward, info)
+        if not isinstance(found, Mapping):
+            raise Fault(
+                f"{self.words} returned an object of type {type(found).__name__} {when}; wanted a dict of numbers, such as "
+                "{'gap': 0.1}"
+            )
+        numbers = {str(name): self.number(value, when, name) for name, value in found.items()}
+        if self.names is None:
+            self.names = set(numbers)
+            if not numbers:
+                raise Fault(f"{self.words} returned an empty dict {when}; wanted at least one number")
+        if set(numbers) != self.names:
+            raise Fault(
+                f"{self.words} returned {listed(numbers)} {when}, and {listed(self.names)} after the first; wanted the same names "
+                "each time"
+            )
+        taken = [name for name in numbers if name in ALWAYS or as_number(info.get(name)) is not None]
+        if taken:
+            raise Fault(f"{self.words} returned '{taken[0]}' {when}, which the environment measures itself; wanted another name")
+        return numbers
+
+
+class Score(Own):
+    """The heuristic of a whole episode, by `score(observations, actions, rewards)`."""
+
+    def __init__(self, asked, numpy):
+        super().__init__(asked, "score(observations, actions, rewards), which returns a number")
+        self.numpy = numpy
+        self.begin()
+
+    def begin(self, observation=None):
+        self.observations, self.actions, self.rewards = [] if observation is None else [observation], [], []
+
+    def add(self, observation, action, reward):
+        self.observations.append(observation)
+        self.actions.append(action)
+        self.rewards.append(reward)
+
+    def number_of_episode(self):
+        when = f"on an episode of {len(self.actions)} steps"
+        arrays = self.numpy.stack(self.observations), self.numpy.stack(self.actions), self.numpy.array(self.rewards)
+        return self.number(self.call(when, *arrays), when)
+
+
+def in_words(error):
+    """What was raised, and where."""
+    found = problem(error)
+    return found["message"] + (f" ({found['place']})" if found["place"] else "")
+
+
+def listed(names):
+    return ", ".join(f"'{name}'" for name in sorted(names)) or "nothing"
+
+
 class Player:
     """The environment with what is known of it."""
 
-    def __init__(self, env):
+    def __init__(self, env, own=None):
         import numpy
 
+        own = own or {}
         self.numpy = numpy
         self.env = env
+        self.own = Measure(own["measure"]) if own.get("measure") else None
+        self.score = Score(own["score"], numpy) if own.get("score") else None
+        #: Steps of an episode, once that is known.
+        self.horizon = None
         for wanted in ("reset", "step", "observation_space", "action_space"):
             if not hasattr(env, wanted):
                 raise Refused(
@@ -329,24 +437,39 @@ class Player:
         # For environments that draw from these and not from their own generator.
         random.seed(seed)
         self.numpy.random.seed(seed % 2**32)
-        self.steps = 0
         observation, _ = self.env.reset(seed=seed)
+        return self.begun(observation)
+
+    def begun(self, observation):
+        self.steps = 0
+        if self.score is not None:
+            self.score.begin(self.flat(observation).copy())
         return self.turn(observation, 0.0, False, False, None)
 
     def step(self, action):
         action = self.numpy.frombuffer(action, self.doubles).astype(self.dtype).reshape(self.shape)
+        return self.turn(*self.advance(action))
+
+    def advance(self, action):
+        """One step, with what the user measures of it among the numbers of info."""
         observation, reward, terminated, truncated, info = self.env.step(action)
+        reward, terminated, truncated = float(reward), bool(terminated), bool(truncated)
         self.steps += 1
-        return self.turn(observation, float(reward), bool(terminated), bool(truncated), info)
+        if self.own is not None:
+            info = {**info, **self.own.numbers(self.env, self.steps, observation, reward, info)}
+        if self.score is not None:
+            # An environment may write into what it was given and has returned.
+            self.score.add(self.flat(observation).copy(), self.numpy.array(action, dtype=float).ravel(), reward)
+            is_over = terminated or truncated or self.steps == self.horizon
+            info = {**info, SCORE: self.score.number_of_episode() if is_over else 0.0}
+        return observation, reward, terminated, truncated, info
 
     def put(self, payload):
         """Goes on from a recorded state, where the environment can be put into one."""
         (length,) = struct.unpack_from("<I", payload)
         model = payload[4 : 4 + length].decode() if length else None
         state = self.numpy.frombuffer(payload[4 + length :], self.doubles)
-        self.steps = 0
-        observation = self.env.unwrapped.put_into(model, state.copy())
-        return self.turn(observation, 0.0, False, False, None)
+        return self.begun(self.env.unwrapped.put_into(model, state.copy()))
 
     def state(self):
         return self.numpy.asarray(self.env.unwrapped.state(), dtype=self.doubles).tobytes()
@@ -388,7 +511,7 @@ class Player:
             self.env.action_space.seed(0)
         found, seen = [], 0
         while True:
-            _, _, terminated, truncated, info = self.env.step(self.env.action_space.sample())
+            _, _, terminated, truncated, info = self.advance(self.env.action_space.sample())
             seen += 1
             names = [str(name) for name, value in info.items() if as_number(value) is not None]
             if seen == 1:
@@ -559,7 +682,7 @@ class Desk:
         if letter == LETTERS["measure"]:
             return b"K", self.measure(asked)
         if letter == LETTERS["open"]:
-            self.player = Player(make(asked))
+            self.player = Player(make(asked), asked.get("own"))
             greeting = self.player.greeting(asked.get("limit"))
             # After the environment, which may bring a MuJoCo of its own.
             self.episodes, greeting["player"] = player_of_episodes()
@@ -582,6 +705,7 @@ class Desk:
     def measure(self, asked):
         """Measures these from now on; the answer lists all there are if one of them is missing."""
         known = set(self.player.always)
+        self.player.horizon = asked["limit"]
         if not known.issuperset(asked["names"]):
             # Some are there only at the end of an episode.
             known.update(self.player.numbers_in_info(True, asked["limit"]))
@@ -594,6 +718,8 @@ def problem(error):
     """An error as its last line says it, with the place in the code."""
     import traceback
 
+    if isinstance(error, Fault):
+        return {"kind": "function", "message": str(error), "hint": None, "place": None}
     if isinstance(error, Refused):
         return {"kind": "refused", "message": str(error), "hint": error.hint, "place": None}
     frames = traceback.extract_tb(error.__traceback__)

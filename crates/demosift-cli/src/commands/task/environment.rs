@@ -77,7 +77,7 @@ fn compare(task: &GymnasiumTask, data: &Path, how: &SetArguments) -> Result<Reco
     demonstrations::say_what_is_not_read(&source);
     let starts = match source.format {
         Format::Robomimic if task.is_put() => {
-            let read = robomimic::recordings(&path, &source, MOST_REPLAYED);
+            let read = robomimic::read_states(&path, &source, MOST_REPLAYED);
             Starts::States(read.map_err(|error| error.at(&path))?)
         }
         _ => Starts::Seeds(minari::seeds(&path, &source)?),
@@ -102,7 +102,7 @@ fn summary(simulated: &Simulated) -> String {
         ("observation", format!("{observation_size} numbers: {}", parts.join(", "))),
         ("action", actions(task.units().bounds())),
         ("info", if task.info().is_empty() { "no numbers".to_owned() } else { task.info().join(", ") }),
-        ("heuristic", format!("{}; higher is better", simulator.heuristic)),
+        ("heuristic", format!("{}; higher is better", task.heuristic_name())),
         ("success", success.to_owned()),
     ];
     let lines = rows.iter().map(|(what, words)| tables::hanging(&format!("  {what:<12}   "), words));
@@ -168,7 +168,8 @@ fn replays(task: &GymnasiumTask, recorded: &Recorded) -> String {
         cells
     };
     let rows: Vec<Vec<String>> = recorded.replayed.iter().map(row).collect();
-    let mut header = vec!["demonstration", "steps", task.heuristic_words(), "drift", "leaves"];
+    let heuristic = task.heuristic_name();
+    let mut header = vec!["demonstration", "steps", heuristic.as_str(), "drift", "leaves"];
     if has_states {
         header.push("drift of states");
     }
@@ -230,7 +231,7 @@ fn of_environment(task: &GymnasiumTask, tried: &Checked) -> Vec<Finding> {
             Severity::Warning,
             format!(
                 "the heuristic '{}' is {least} in every episode of random actions",
-                task.heuristic_words()
+                task.heuristic_name()
             ),
             Some("a heuristic that tells poor from poorer is easier to improve"),
         ));
@@ -280,7 +281,8 @@ fn another_version(task: &GymnasiumTask) -> String {
         (Some(there), Some(here)) if there != *here => format!(
             "the set was recorded in robosuite {there}, and the interpreter has {here}; name one that has {there} with --python PATH"
         ),
-        _ => "another version of the simulator, or another environment; see which version recorded the set".to_owned(),
+        _ => "another version of the simulator, or another environment; see which version recorded the set"
+            .to_owned(),
     }
 }
 

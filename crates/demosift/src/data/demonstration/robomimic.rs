@@ -23,7 +23,7 @@ use crate::data::demonstration::named::{Named, listed};
 
 mod recording;
 
-pub use recording::{NamedEnvironment, Observed, Recording, environment, recordings};
+pub use recording::{NamedEnvironment, Observed, Recording, environment, read_states};
 
 const OBSERVATIONS: &str = "obs/";
 const NEXT_OBSERVATIONS: &str = "next_obs/";

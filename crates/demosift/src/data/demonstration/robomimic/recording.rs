@@ -64,8 +64,7 @@ fn read_environment(path: &Path, columns: &[String]) -> Result<NamedEnvironment>
     let opened = hdf5::open(path)?;
     let root = opened.file.root();
     let data = find_group(&root, "data")?.ok_or_else(|| unnamed("there is no group 'data'"))?;
-    let arguments =
-        text(&data, "env_args")?.ok_or_else(|| unnamed("'data' has no attribute env_args"))?;
+    let arguments = text(&data, "env_args")?.ok_or_else(|| unnamed("'data' has no attribute env_args"))?;
     let hdf5::NumberedGroups { names: labels, .. } = hdf5::numbered_groups(&data, "'data'", "demo_")?;
     let first = data.group(&labels[0]).map_err(damaged)?;
     let columns = match columns {
@@ -103,7 +102,7 @@ fn unnamed(why: &str) -> Error {
 ///
 /// # Errors
 /// `is_bad_input` if the file is damaged, or an episode has not one state for each action; `is_io` if it may not be read.
-pub fn recordings(path: &Path, source: &Source, most: usize) -> Result<Vec<Option<Recording>>> {
+pub fn read_states(path: &Path, source: &Source, most: usize) -> Result<Vec<Option<Recording>>> {
     let opened = hdf5::open(path)?;
     let root = opened.file.root();
     let data = match find_group(&root, "data")? {
