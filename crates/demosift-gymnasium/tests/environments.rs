@@ -355,10 +355,7 @@ fn each_fault_of_a_measure_or_a_score_is_one_sentence_that_names_it() {
         ),
         ("measure_nan", "point.py:measure_nan: 'gap' is nan after step 1; wanted a finite number"),
         ("measure_word", "point.py:measure_word: 'gap' is of type str after step 1; wanted a number"),
-        (
-            "measure_taken",
-            "returned 'distance' after step 1, which the environment measures itself; wanted another name",
-        ),
+        ("measure_taken", "returned 'distance' after step 1, which is measured already; wanted another name"),
         (
             "measure_nothing",
             "point.py:measure_nothing returned an empty dict after step 1; wanted at least one number",

@@ -536,14 +536,13 @@ fn layers(arguments: &RunArguments) -> Result<Vec<Layer>> {
 /// Whether the run that is there is about the same task; said before its demonstrations are found not to fit.
 fn check_task(begun: &Identity, chosen: &Chosen) -> Result<()> {
     let hash = |sha256: &Option<String>| sha256.clone().unwrap_or_else(|| "none".to_owned());
-    let pairs = [
-        ("the task", begun.task.clone(), chosen.name.clone()),
-        ("the SHA-256 of the task's files", hash(&begun.task_sha256), hash(&chosen.sha256)),
-    ];
-    let of_task = pairs.into_iter().find(|(_, old, new)| old != new);
+    let pair = |what: &str, old: String, new: String| (old != new).then(|| (what.to_owned(), old, new));
     let now = chosen.simulated.as_ref().map(Simulated::identity);
-    let differs = of_task.map(|(what, old, new)| (what.to_owned(), old, new));
-    match differs.or_else(|| simulator::difference(begun.simulator.as_ref(), now.as_ref())) {
+    // What is called something else is of other files too.
+    let differs = pair("the task", begun.task.clone(), chosen.name.clone())
+        .or_else(|| simulator::difference(begun.simulator.as_ref(), now.as_ref()))
+        .or_else(|| pair("the SHA-256 of the task's files", hash(&begun.task_sha256), hash(&chosen.sha256)));
+    match differs {
         Some((what, old, new)) => Err(run_folder::of_another_run(&what, &old, &new)),
         None => Ok(()),
     }

@@ -342,9 +342,9 @@ class Own:
 class Measure(Own):
     """More numbers of each step, by `measure(env, obs, reward, info)`, which returns them by name."""
 
-    def __init__(self, asked):
+    def __init__(self, asked, taken):
         super().__init__(asked, "measure(env, obs, reward, info), which returns numbers by name")
-        self.names = None
+        self.taken, self.names = taken, None
 
     def numbers(self, env, step, observation, reward, info):
         when = f"after step {step}"
@@ -364,9 +364,9 @@ class Measure(Own):
                 f"{self.words} returned {listed(numbers)} {when}, and {listed(self.names)} after the first; wanted the same names "
                 "each time"
             )
-        taken = [name for name in numbers if name in ALWAYS or as_number(info.get(name)) is not None]
+        taken = [name for name in numbers if name in self.taken or as_number(info.get(name)) is not None]
         if taken:
-            raise Fault(f"{self.words} returned '{taken[0]}' {when}, which the environment measures itself; wanted another name")
+            raise Fault(f"{self.words} returned '{taken[0]}' {when}, which is measured already; wanted another name")
         return numbers
 
 
@@ -411,8 +411,9 @@ class Player:
         own = own or {}
         self.numpy = numpy
         self.env = env
-        self.own = Measure(own["measure"]) if own.get("measure") else None
         self.score = Score(own["score"], numpy) if own.get("score") else None
+        taken = {*ALWAYS, SCORE} if self.score else set(ALWAYS)
+        self.own = Measure(own["measure"], taken) if own.get("measure") else None
         #: Steps of an episode, once that is known.
         self.horizon = None
         for wanted in ("reset", "step", "observation_space", "action_space"):
