@@ -3,7 +3,6 @@
 
 use demosift::basics::seed::Seed;
 use demosift::data::demonstration::DemonstrationSet;
-use demosift::math::rows::Rows;
 use demosift::world::environment::Task as _;
 use demosift::{Error, Result};
 use rand::Rng as _;
@@ -12,8 +11,7 @@ use serde::Serialize;
 use crate::replay::{self, Replayed, Starts};
 use crate::session::Session;
 use crate::task::GymnasiumTask;
-use crate::trial::{Repeats, Trial, episode, random_actions, trial};
-use crate::turn::Turn;
+use crate::trial::{Repeats, Trial, episode, measurements, random_actions, trial};
 
 /// Steps of each of the three episodes by which is seen whether an environment repeats, where a user asks for it.
 const CHECK_STEPS: usize = 200;
@@ -117,13 +115,6 @@ fn plays_alike(task: &GymnasiumTask, session: &mut Session, horizon: usize) -> R
     let alike = episode(session, 3, &actions)? == episode(&mut other, 3, &actions)?;
     task.give_back(other);
     Ok(alike)
-}
-
-pub(crate) fn measurements(turns: &[Turn], width: usize) -> Rows {
-    let mut rows = Rows::with_capacity(width, turns.len());
-    rows.push(&vec![0.0; width]);
-    turns.iter().skip(1).for_each(|turn| rows.push(&turn.row()));
-    rows
 }
 
 /// Holds demonstrations, as they were recorded, against an environment; those of which is known how they began are played

@@ -10,10 +10,9 @@ use demosift::data::demonstration::{DemoId, Demonstration, DemonstrationSet};
 use demosift::world::environment::Task as _;
 use serde::Serialize;
 
-use crate::check::measurements;
 use crate::session::Session;
 use crate::task::GymnasiumTask;
-use crate::trial::episode;
+use crate::trial::{episode, measurements};
 use crate::turn::Turn;
 use crate::whole::Turns as _;
 
