@@ -90,12 +90,9 @@ mod tests {
         let of_module = said(None, "package.module:score").unwrap();
         assert_eq!(of_module.fold, "last score");
         assert_eq!(of_module.own.score_words().unwrap()[0], "package.module:score");
-        for (typed, said_of_it) in [
-            ("my env.py:score", "cannot find the score's file: my env.py"),
-            ("no_such.py:score", "cannot find the score's file: no_such.py"),
-        ] {
-            let error = said(None, typed).unwrap_err().to_string();
-            assert!(error.contains(said_of_it), "{error}");
+        for file in ["my env.py", "no_such.py"] {
+            let error = said(None, &format!("{file}:score")).unwrap_err().to_string();
+            assert!(error.starts_with("cannot find the score's file") && error.ends_with(file), "{error}");
         }
         let error = said(Some("measure"), "count").unwrap_err();
         assert!(error.to_string().contains("'measure' is no measure"), "{error}");
