@@ -101,6 +101,53 @@ fn sift_ranks_in_an_environment_of_the_user() {
 }
 
 #[test]
+fn what_measures_and_scores_belongs_to_the_run() {
+    let Some(env) = env("limited") else { return };
+    let scratch = Scratch::new("gymnasium-own");
+    set_in_newtons(&scratch);
+    let text = "def measure(env, obs, reward, info):\n    return {'gap': abs(1.0 - obs[0])}\n\n\n\
+                def score(observations, actions, rewards):\n    return -abs(1.0 - observations[1:, 0]).min()\n";
+    for name in ["mine.py", "other.py"] {
+        std::fs::write(scratch.0.join(name), text).unwrap();
+    }
+    let how = "--judge cloning --config tiny.toml --seed 1";
+    let judged = |own: &[&str], out: &str| {
+        let mut command = scratch.command(&format!("judge set {env} {how} --out {out}"));
+        let output = command.args(own).output().unwrap();
+        assert!(output.status.success(), "{}", said(&output));
+        let scores: serde_json::Value =
+            serde_json::from_slice(&scratch.files(out)["scores_cloning.json"]).unwrap();
+        scores
+    };
+    let measured = judged(&["--measure", "mine.py:measure", "--heuristic", "negated min gap"], "measured");
+    let scored = judged(&["--heuristic", "mine.py:score"], "scored");
+    assert_eq!(measured, scored, "the same number, worked out in two ways");
+
+    // The run remembers them, and refuses others.
+    for (out, refused) in
+        [("measured", "--measure other.py:measure"), ("scored", "--heuristic other.py:score")]
+    {
+        scratch.succeed(&format!("judge --resume --out {out}"));
+        let output = scratch.run(&format!("judge --resume --out {out} {refused}"));
+        let what = if out == "measured" { "the function that measures was " } else { "the heuristic was " };
+        let said = said(&output);
+        assert!(said.contains(what) && said.contains("mine.py:") && said.contains("other.py:"), "{said}");
+        assert_eq!(output.status.code(), Some(2));
+    }
+    std::fs::write(scratch.0.join("mine.py"), format!("{text}\n# Changed.\n")).unwrap();
+    for out in ["measured", "scored"] {
+        let output = scratch.run(&format!("judge --resume --out {out}"));
+        assert!(said(&output).contains("the SHA-256 of the task's files was "), "{}", said(&output));
+    }
+    let output = scratch.run("judge set --task point_mass --measure mine.py:measure");
+    assert!(
+        said(&output).contains("--measure is about an environment, and none is given"),
+        "{}",
+        said(&output)
+    );
+}
+
+#[test]
 fn a_dry_run_counts_and_a_recording_is_in_the_unit_of_the_environment() {
     let Some(env) = env("limited") else { return };
     let scratch = Scratch::new("gymnasium-record");

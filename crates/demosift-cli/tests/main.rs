@@ -24,6 +24,7 @@ mod prior;
 mod python;
 mod report;
 mod reproduce;
+mod robosuite;
 mod robust;
 mod study;
 mod support;

@@ -2,25 +2,22 @@
 //! demonstrations fit it?
 
 use demosift::basics::seed::Seed;
-use demosift::data::demonstration::{DemoId, DemonstrationSet};
-use demosift::math::rows::Rows;
+use demosift::data::demonstration::DemonstrationSet;
 use demosift::world::environment::Task as _;
 use demosift::{Error, Result};
 use rand::Rng as _;
 use serde::Serialize;
 
+use crate::replay::{self, Replayed, Starts};
 use crate::session::Session;
 use crate::task::GymnasiumTask;
-use crate::trial::{Repeats, Trial, episode, random_actions, trial};
-use crate::turn::Turn;
+use crate::trial::{Repeats, Trial, episode, measurements, random_actions, trial};
 
 /// Steps of each of the three episodes by which is seen whether an environment repeats, where a user asks for it.
 const CHECK_STEPS: usize = 200;
 /// Episodes of random actions, and steps of all of them together.
 const EPISODES: usize = 5;
 const MOST_STEPS: usize = 2000;
-/// An observation that is farther from the recorded one has left it.
-const LEFT: f32 = 1e-3;
 /// Steps a second below which an environment is slow: learning by trial and error then takes hours.
 pub const SLOW: f64 = 1000.0;
 
@@ -56,26 +53,8 @@ pub struct Recorded {
     pub actions: Vec<[f64; 2]>,
     /// The share of all numbers that lie beyond the bounds.
     pub beyond: f64,
-    /// The demonstrations whose seed the set tells, played again.
+    /// Demonstrations of which the set tells how they began, played again.
     pub replayed: Vec<Replayed>,
-}
-
-/// A demonstration that was played again from its seed with its recorded actions.
-#[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Replayed {
-    /// Which.
-    pub demo: DemoId,
-    /// How many of its steps could be played.
-    pub steps: usize,
-    /// How many it has.
-    pub recorded_steps: usize,
-    /// The greatest distance of a number of an observation from the recorded one.
-    pub drift: f64,
-    /// The first step at which that is more than 0.001.
-    pub left_at: Option<usize>,
-    /// K of what was played.
-    pub score: f64,
 }
 
 /// Tries an environment with random actions.
@@ -138,22 +117,15 @@ fn plays_alike(task: &GymnasiumTask, session: &mut Session, horizon: usize) -> R
     Ok(alike)
 }
 
-fn measurements(turns: &[Turn], width: usize) -> Rows {
-    let mut rows = Rows::with_capacity(width, turns.len());
-    rows.push(&vec![0.0; width]);
-    turns.iter().skip(1).for_each(|turn| rows.push(&turn.row()));
-    rows
-}
-
-/// Holds demonstrations, as they were recorded, against an environment; those with a seed are played again from it, at most
-/// `most` of them.
+/// Holds demonstrations, as they were recorded, against an environment; those of which is known how they began are played
+/// again, at most `most` of them.
 ///
 /// # Errors
 /// `is_bad_input` if sizes differ, `is_simulation` if the environment fails.
 pub fn compare(
     task: &GymnasiumTask,
     set: &DemonstrationSet,
-    seeds: &[Option<u64>],
+    starts: &Starts,
     most: usize,
 ) -> Result<Recorded> {
     let specification = task.specification();
@@ -179,48 +151,6 @@ pub fn compare(
         beyond += usize::from(number < low - slack || number > high + slack);
         all += 1;
     }
-    let mut session = task.session()?;
-    let with_seed = set.ids().into_iter().filter_map(|demo| Some((demo, (*seeds.get(demo.0)?)?)));
-    let replayed = with_seed.take(most).map(|(demo, seed)| replay(task, &mut session, set, demo, seed));
-    let replayed = replayed.collect::<Result<Vec<_>>>()?;
-    task.give_back(session);
+    let replayed = replay::replayed(task, set, starts, most)?;
     Ok(Recorded { actions, beyond: beyond as f64 / all.max(1) as f64, replayed })
-}
-
-fn replay(
-    task: &GymnasiumTask,
-    session: &mut Session,
-    set: &DemonstrationSet,
-    demo: DemoId,
-    seed: u64,
-) -> Result<Replayed> {
-    let demonstration = set.get(demo);
-    let actions: Vec<Vec<f64>> = demonstration
-        .actions()
-        .iter()
-        .map(|row| row.iter().map(|number| f64::from(*number)).collect())
-        .collect();
-    let turns = episode(session, seed, &actions)?;
-    let distance = |turn: &Turn, row: &[f32]| {
-        turn.observation
-            .iter()
-            .zip(row)
-            .map(|(played, recorded)| (played - recorded).abs())
-            .fold(0.0, f32::max)
-    };
-    // The last observation is none of the demonstration's.
-    let distances: Vec<f32> = turns
-        .iter()
-        .zip(demonstration.observations().iter())
-        .map(|(turn, row)| distance(turn, row))
-        .collect();
-    let drift = distances.iter().copied().fold(0.0, f32::max);
-    Ok(Replayed {
-        demo,
-        steps: turns.len() - 1,
-        recorded_steps: demonstration.steps(),
-        drift: f64::from(drift),
-        left_at: distances.iter().position(|distance| *distance > LEFT),
-        score: task.heuristic().score(&measurements(&turns, task.specification().measurements.len())),
-    })
 }

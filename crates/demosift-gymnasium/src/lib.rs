@@ -9,6 +9,8 @@
 //! | here | is |
 //! |---|---|
 //! | [`source`] | what the user calls the environment, and what a set says of its own |
+//! | `own` | functions of the user's beside an environment: what measures more, and what scores an episode |
+//! | `robosuite` | the environment of robosuite that a set of robomimic names |
 //! | `process` | one process: frames, a time limit, its last words |
 //! | [`turn`] | what a reset or a step leads to |
 //! | [`whole`] | one episode, played here or there |
@@ -17,13 +19,17 @@
 //! | [`trainer`] | a trainer of the user's own as a [`Trainer`](demosift::world::trainer::Trainer), with its policies |
 //! | [`trial`] | a few steps by which is seen whether it repeats |
 //! | [`units`] | actions in the environment's own unit |
+//! | [`replay`] | demonstrations that are played again with their recorded actions |
 //! | [`check`] | whether it repeats, how fast it is, and whether recorded demonstrations fit it |
 //!
 //! What an episode leaves behind, step by step: `reward`, `terminated`, and the numbers of `info` that the heuristic reads.
 //! The row after the reset has nothing to say and is 0; no heuristic reads it.
 
 pub mod check;
+mod own;
 mod process;
+pub mod replay;
+mod robosuite;
 mod session;
 pub mod source;
 pub mod task;

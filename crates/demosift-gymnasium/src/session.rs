@@ -8,23 +8,28 @@ use demosift::{Error, Result};
 use serde::Deserialize;
 use serde_json::json;
 
+use crate::own::Own;
 use crate::process::{Answer, Interpreter, Process};
 use crate::source::Source;
-use crate::turn::{Turn, TurnSizes};
+use crate::turn::{Turn, TurnSizes, f64s};
 use crate::whole::{self, Act, Sizes, Turns};
 
 /// The version of the frames, the same in `python/demosift/worker.py`.
-pub(crate) const PROTOCOL: u32 = 3;
+pub(crate) const PROTOCOL: u32 = 4;
 const OPEN: u8 = b'O';
 const MEASURE: u8 = b'M';
 const RESET: u8 = b'R';
 const STEP: u8 = b'S';
+const PUT: u8 = b'I';
+const STATE: u8 = b'Q';
+const NUMBERS: u8 = b'A';
 const GREETING: u8 = b'G';
 pub(crate) const DONE: u8 = b'K';
 const TURN: u8 = b'T';
 pub(crate) const PROBLEM: u8 = b'E';
 const PLAY: u8 = b'P';
 const PLAYED: u8 = b'W';
+const FUNCTION: &str = "function";
 
 /// What an environment says of itself when it is opened.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -40,6 +45,10 @@ pub(crate) struct Greeting {
     pub(crate) info: Vec<String>,
     /// Steps after which it stops an episode by itself.
     pub(crate) limit: Option<usize>,
+    /// Steps that an episode has where nobody says how many.
+    pub(crate) usual: Option<usize>,
+    /// Whether it can be put into a recorded state.
+    pub(crate) is_put: bool,
     /// Simulated seconds of a step, where it says so.
     pub(crate) step_secs: Option<f64>,
     /// Seconds of a picture.
@@ -51,7 +60,8 @@ pub(crate) struct Greeting {
 /// What was wrong in the process.
 #[derive(Deserialize)]
 pub(crate) struct Problem {
-    /// `refused` if what the user has works and cannot be used, `raised` if it does not work.
+    /// `refused` if what the user has works and cannot be used, `raised` if it does not work, `function` if a function of theirs
+    /// beside the environment is at fault, whose name the message begins with.
     pub(crate) kind: String,
     pub(crate) message: String,
     pub(crate) hint: Option<String>,
@@ -81,10 +91,12 @@ impl Session {
     ///
     /// # Errors
     /// `is_bad_input` if there is no such interpreter or environment, or one that cannot be used.
-    pub(crate) fn open(interpreter: &Interpreter, source: &Source) -> Result<(Self, Greeting)> {
+    pub(crate) fn open(interpreter: &Interpreter, source: &Source, own: &Own) -> Result<(Self, Greeting)> {
         let mut process = Process::start(interpreter)?;
         let what = format!("the start of {}", source.words());
-        let answer = process.ask(OPEN, source.request().to_string().as_bytes(), &what)?;
+        let mut asked = source.request();
+        asked["own"] = own.request();
+        let answer = process.ask(OPEN, asked.to_string().as_bytes(), &what)?;
         if answer.letter == PROBLEM {
             let problem = problem(&answer, &what)?;
             return Err(at_the_start(&problem, interpreter, source));
@@ -107,10 +119,9 @@ impl Session {
         Ok((Self { process, sizes, plays, sound: true }, greeting))
     }
 
-    /// Measures these numbers of info from now on. Returns all there are: if one of them is missing, nothing is measured.
+    /// Measures these numbers of info from now on, in episodes of at most `limit` steps. Returns all there are: if one of them is missing, nothing is measured.
     ///
-    /// Some are there only at the end of an episode, so an episode of at most `limit` steps is played for one that is not
-    /// there after the first step.
+    /// Some are there only at the end of an episode, so an episode is played for one that is not there after the first step.
     pub(crate) fn measure(&mut self, names: &[String], limit: usize) -> Result<Vec<String>> {
         let asked = json!({ "names": names, "limit": limit }).to_string();
         let answer = self.ask(MEASURE, asked.as_bytes(), "an episode of random actions")?;
@@ -119,6 +130,27 @@ impl Session {
             self.sizes.info = names.len();
         }
         Ok(known)
+    }
+
+    /// Goes on from a recorded state, of this model where it is not the environment's own.
+    pub(crate) fn put(&mut self, model: Option<&str>, state: &[f64], turn: &mut Turn) -> Result<()> {
+        let model = model.unwrap_or("").as_bytes();
+        let mut payload = Vec::with_capacity(4 + model.len() + 8 * state.len());
+        payload.extend((model.len() as u32).to_le_bytes());
+        payload.extend(model);
+        payload.extend(state.iter().flat_map(|number| number.to_le_bytes()));
+        let answer = self.ask(PUT, &payload, "going on from a recorded state")?;
+        self.read_turn(&answer, turn)
+    }
+
+    /// The state that it is in: time, positions and velocities.
+    pub(crate) fn state(&mut self) -> Result<Vec<f64>> {
+        let answer = self.ask(STATE, &[], "a look at its state")?;
+        if answer.letter != NUMBERS {
+            self.sound = false;
+            return Err(Error::simulation("the worker's answer to a look at its state is none"));
+        }
+        Ok(f64s(&answer.payload).collect())
     }
 
     /// Plays whole episodes of one policy, one for each of `acts`, in the process if it has what plays there.
@@ -150,8 +182,11 @@ impl Session {
         if answer.letter == PROBLEM {
             let found = problem(&answer, what)?;
             let place = found.place_in_words();
-            let Problem { message, hint, .. } = found;
-            let error = Error::simulation(format!("the environment failed in {what}: {message}{place}"));
+            let Problem { kind, message, hint, .. } = found;
+            let error = Error::simulation(match kind == FUNCTION {
+                true => message,
+                false => format!("the environment failed in {what}: {message}{place}"),
+            });
             return Err(match hint {
                 Some(hint) => error.with_hint(hint),
                 None => error,
@@ -196,6 +231,13 @@ fn json_of<T: for<'a> Deserialize<'a>>(answer: &Answer, letter: u8, what: &str) 
 fn at_the_start(problem: &Problem, interpreter: &Interpreter, source: &Source) -> Error {
     let Problem { kind, message, hint, .. } = problem;
     let words = source.words();
+    if kind == FUNCTION {
+        let error = Error::bad_input(message.clone());
+        return match message.contains("cannot be imported") {
+            true => error.with_hint(install_or_name(message, interpreter)),
+            false => error,
+        };
+    }
     if kind == "refused" {
         let error = Error::bad_input(format!("{words}: {message}"));
         return match hint {

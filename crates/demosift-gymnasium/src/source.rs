@@ -3,8 +3,12 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use demosift::data::demonstration::episode::Format;
+use demosift::data::demonstration::{open, robomimic};
 use demosift::{Error, Result};
 use serde_json::{Value, json};
+
+use crate::robosuite;
 
 /// What stands before the name of a registered environment.
 const GYMNASIUM: &str = "gymnasium:";
@@ -12,6 +16,7 @@ const GYMNASIUM: &str = "gymnasium:";
 const FROM_SET: &str = "from-set";
 const WANTED: &str = "wanted gymnasium:ID such as gymnasium:HalfCheetah-v5, FILE.py:FUNCTION such as my_env.py:make, \
                       package.module:FUNCTION, or from-set";
+const WANTED_OWN: &str = "wanted FILE.py:FUNCTION such as my_env.py:measure, or package.module:FUNCTION";
 const WANTED_TRAINER: &str = "wanted FILE.py:FUNCTION such as my_train.py:train, or package.module:FUNCTION";
 
 /// Where an environment or a trainer comes from.
@@ -33,13 +38,38 @@ pub enum Source {
         /// The function without arguments.
         name: String,
     },
-    /// Named by a set.
+    /// Named by a set of Minari.
     Set {
         /// The `EnvSpec` as Gymnasium writes it in JSON.
         spec: String,
         /// Whether code that the set names may run although nobody registered it.
         trusted: bool,
     },
+    /// Of robosuite, named by a set of robomimic.
+    Robosuite {
+        /// What decides what is played, in JSON.
+        spec: String,
+        /// Steps of the longest episode of the set, where that is known.
+        longest: Option<usize>,
+    },
+}
+
+/// The set of demonstrations that may name its environment.
+#[derive(Clone, Copy, Debug)]
+pub struct NamingSet<'a> {
+    /// Where it lies.
+    pub path: &'a Path,
+    /// Its format, if not the one that is found.
+    pub format: Option<Format>,
+    /// What of it is an observation; without any, what is usual.
+    pub observations: &'a [String],
+}
+
+impl<'a> NamingSet<'a> {
+    /// A set of which all is as usual.
+    pub fn usual(path: &'a Path) -> Self {
+        Self { path, format: None, observations: &[] }
+    }
 }
 
 impl Source {
@@ -57,17 +87,38 @@ impl Source {
     /// assert_eq!(error.hint(), Some("did you mean gymnasium:HalfCheetah-v5?"));
     /// # Ok::<(), demosift::Error>(())
     /// ```
-    pub fn parse(typed: &str, set: Option<&Path>, trusted: bool) -> Result<Self> {
+    pub fn parse(typed: &str, set: Option<NamingSet<'_>>, trusted: bool) -> Result<Self> {
         if typed == FROM_SET {
             let set = set.ok_or_else(|| {
                 Error::bad_input("from-set means the environment of the demonstrations, and none are given")
             })?;
-            return Ok(Self::Set { spec: spec_of(set)?, trusted });
+            return Self::of_set(set, trusted);
         }
         if let Some(id) = typed.strip_prefix(GYMNASIUM).filter(|id| !id.is_empty()) {
             return Ok(Self::Gymnasium(id.to_owned()));
         }
         Self::of_function(typed, "environment", WANTED)
+    }
+
+    /// The environment that a set names.
+    fn of_set(set: NamingSet<'_>, trusted: bool) -> Result<Self> {
+        // What cannot be found at all is said where the set is read.
+        if let Ok(located) = open::located(set.path, set.format)
+            && located.format == Format::Robomimic
+        {
+            let named = robomimic::environment(&located.path, set.observations)?;
+            let spec = robosuite::specified(&named).map_err(|error| error.at(&located.path))?;
+            return Ok(Self::Robosuite { spec, longest: Some(named.longest) });
+        }
+        Ok(Self::Set { spec: spec_of(set.path)?, trusted })
+    }
+
+    /// The environment that a set named when a run was begun, as [`spec`](Source::spec) told it.
+    pub fn of_spec(spec: String, trusted: bool) -> Self {
+        match robosuite::is_one(&spec) {
+            true => Self::Robosuite { spec, longest: None },
+            false => Self::Set { spec, trusted },
+        }
     }
 
     /// A trainer as it is typed: a function in a file or a module.
@@ -76,6 +127,14 @@ impl Source {
     /// `is_bad_input` if it is nothing of that kind, or the file does not exist.
     pub(crate) fn of_trainer(typed: &str) -> Result<Self> {
         Self::of_function(typed, "trainer", WANTED_TRAINER)
+    }
+
+    /// A function of the user's beside an environment, called `what` in errors.
+    ///
+    /// # Errors
+    /// As [`of_trainer`](Source::of_trainer).
+    pub(crate) fn of_own(typed: &str, what: &str) -> Result<Self> {
+        Self::of_function(typed, what, WANTED_OWN)
     }
 
     /// A function in a file or a module; `what` and `wanted` are for errors.
@@ -109,7 +168,7 @@ impl Source {
             Self::Gymnasium(id) => format!("{GYMNASIUM}{id}"),
             Self::File { file, name } => format!("{}:{name}", file.display()),
             Self::Module { module, name } => format!("{module}:{name}"),
-            Self::Set { .. } => FROM_SET.to_owned(),
+            Self::Set { .. } | Self::Robosuite { .. } => FROM_SET.to_owned(),
         }
     }
 
@@ -122,6 +181,7 @@ impl Source {
                 .map_or_else(|| "environment".to_owned(), |stem| stem.to_string_lossy().into_owned()),
             Self::Module { module, .. } => module.clone(),
             Self::Set { spec, .. } => id_of(spec),
+            Self::Robosuite { spec, .. } => robosuite::name(spec).unwrap_or_else(|| "environment".to_owned()),
         };
         // A namespace or a module before an id makes no folder.
         name.rsplit(['/', ':']).next().unwrap_or(&name).to_owned()
@@ -149,7 +209,15 @@ impl Source {
     /// What the set says of its environment, where it is meant.
     pub fn spec(&self) -> Option<&str> {
         match self {
-            Self::Set { spec, .. } => Some(spec),
+            Self::Set { spec, .. } | Self::Robosuite { spec, .. } => Some(spec),
+            _ => None,
+        }
+    }
+
+    /// The version of robosuite in which the set was recorded that names it, where it says so.
+    pub fn recorded_in(&self) -> Option<String> {
+        match self {
+            Self::Robosuite { spec, .. } => robosuite::version(spec),
             _ => None,
         }
     }
@@ -161,6 +229,7 @@ impl Source {
             Self::File { file, name } => json!({ "kind": "file", "file": file, "name": name }),
             Self::Module { module, name } => json!({ "kind": "module", "module": module, "name": name }),
             Self::Set { spec, trusted } => json!({ "spec": spec, "trust": trusted }),
+            Self::Robosuite { spec, longest } => robosuite::request(spec, *longest),
         }
     }
 }
@@ -176,7 +245,7 @@ fn spec_of(set: &Path) -> Result<String> {
         [set.join("data/metadata.json"), set.join("metadata.json"), set.with_file_name("metadata.json")];
     let Some(place) = places.iter().find(|place| place.is_file()) else {
         return Err(Error::bad_input(
-            "the set names no environment: only sets of Minari do, in data/metadata.json",
+            "the set names no environment: only sets of Minari do, in data/metadata.json, and of robomimic, in env_args",
         )
         .at(set)
         .with_hint("name it yourself, such as --env gymnasium:HalfCheetah-v5"));
@@ -230,7 +299,7 @@ mod tests {
         let metadata = folder.join("data/metadata.json");
         let error_with = |text: &str| {
             fs::write(&metadata, text).unwrap();
-            Source::parse("from-set", Some(&folder), false).unwrap_err().to_string()
+            Source::parse("from-set", Some(NamingSet::usual(&folder)), false).unwrap_err().to_string()
         };
         assert!(error_with(r#"{"env_spec": null}"#).contains("env_spec is missing or null"));
         assert!(error_with("{").contains("cannot be read"));
@@ -240,7 +309,7 @@ mod tests {
         )
         .unwrap();
         for path in [folder.clone(), folder.join("data"), folder.join("data/main_data.hdf5")] {
-            let source = Source::parse("from-set", Some(&path), true).unwrap();
+            let source = Source::parse("from-set", Some(NamingSet::usual(&path)), true).unwrap();
             assert_eq!(source.short_name(), "Far-v1");
             assert_eq!(source, Source::Set { spec: r#"{"id": "Reach/Far-v1"}"#.to_owned(), trusted: true });
         }

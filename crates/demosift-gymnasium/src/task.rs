@@ -13,6 +13,7 @@ use demosift::world::heuristic::{Heuristic, Score};
 use demosift::world::trainer::Apprentice;
 use demosift::{Error, Result};
 
+use crate::own::{self, Own, Said};
 use crate::process::{Interpreter, Whose};
 use crate::session::{Greeting, Session};
 use crate::source::Source;
@@ -38,8 +39,11 @@ pub struct Wanted {
     pub source: Source,
     /// The interpreter in which it works.
     pub python: PathBuf,
-    /// In a few words, such as `sum reward` or `negated min gap`; see [`FoldOf`].
+    /// In a few words, such as `sum reward` or `negated min gap` (see [`FoldOf`]), or a function of a whole episode, such as
+    /// `my_env.py:score`.
     pub heuristic: Option<String>,
+    /// A function that measures more of each step, such as `my_env.py:measure`.
+    pub measure: Option<String>,
     /// Steps of an episode, if not as many as the environment says.
     pub horizon: Option<usize>,
     /// How long a start, a reset or a step may take.
@@ -54,6 +58,7 @@ pub struct GymnasiumTask(Arc<Opened>);
 struct Opened {
     interpreter: Interpreter,
     source: Source,
+    own: Own,
     specification: Specification,
     heuristic: SinceReset,
     heuristic_words: String,
@@ -62,6 +67,7 @@ struct Opened {
     versions: BTreeMap<String, String>,
     info: Vec<String>,
     units: Units,
+    is_put: bool,
     trial: Trial,
     /// Open environments that nobody plays in: to open one may take seconds.
     idle: Mutex<Vec<Session>>,
@@ -89,16 +95,17 @@ impl GymnasiumTask {
     /// `is_bad_input` if it cannot be made or used, `is_bad_config` if the heuristic or the horizon does not fit it,
     /// `is_simulation` if it fails.
     pub fn open(wanted: &Wanted) -> Result<Self> {
-        let Wanted { source, python, heuristic, horizon, time_limit } = wanted;
+        let Wanted { source, python, heuristic, measure, horizon, time_limit } = wanted;
         let whose = Whose::environment();
         let interpreter = Interpreter { python: python.clone(), time_limit: *time_limit, whose };
-        let (mut session, greeting) = Session::open(&interpreter, source)?;
-        let horizon = horizon_of(*horizon, greeting.limit, source)?;
         let words = heuristic.as_deref().unwrap_or(DEFAULT_HEURISTIC);
-        let Measured { names, fold, success } = measured(words, &mut session, &greeting, horizon)?;
+        let Said { own, fold } = own::said(measure.as_deref(), words)?;
+        let (mut session, greeting) = Session::open(&interpreter, source, &own)?;
+        let horizon = horizon_of(*horizon, &greeting, source)?;
+        let Measured { names, fold, success } = measured(&fold, &mut session, &greeting, horizon)?;
         let units = Units::new(&greeting.bounds);
         let trial = trial::trial(&mut session, &units, TRIAL_STEPS.min(horizon))?;
-        let Greeting { versions, parts, bounds, info, step_secs, picture_secs, .. } = greeting;
+        let Greeting { versions, parts, bounds, info, step_secs, picture_secs, is_put, .. } = greeting;
         let specification = Specification {
             name: source.short_name(),
             observation_size: parts.iter().map(|(_, width)| width).sum(),
@@ -116,11 +123,13 @@ impl GymnasiumTask {
             source: source.clone(),
             specification,
             heuristic: SinceReset(fold),
-            heuristic_words: words.to_owned(),
+            heuristic_words: own.score_words().map_or_else(|| words.to_owned(), |[words, _]| words),
+            own,
             success,
             versions,
             info,
             units,
+            is_put,
             trial,
             idle: Mutex::new(vec![session]),
         })))
@@ -141,9 +150,31 @@ impl GymnasiumTask {
         &self.0.versions
     }
 
-    /// The heuristic in a few words.
+    /// The heuristic in a few words, or the function that it is, from any working directory.
     pub fn heuristic_words(&self) -> &str {
         &self.0.heuristic_words
+    }
+
+    /// The same for people: a function without the folder that its file is in.
+    pub fn heuristic_name(&self) -> String {
+        self.0.own.score_words().map_or_else(|| self.0.heuristic_words.clone(), |[_, name]| name)
+    }
+
+    /// The function that measures more of each step, where there is one, from any working directory.
+    pub fn measure_words(&self) -> Option<String> {
+        self.0.own.measure_words()
+    }
+
+    /// The files of Python that decide what is played and measured, each once, where they are known.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let mut files: Vec<PathBuf> =
+            self.0.source.file().map(std::path::Path::to_owned).into_iter().collect();
+        for file in self.0.own.files() {
+            if !files.contains(&file) {
+                files.push(file);
+            }
+        }
+        files
     }
 
     /// Names of the numbers of info after a step, of which heuristics can be made.
@@ -159,6 +190,11 @@ impl GymnasiumTask {
     /// Between its actions and those of a policy.
     pub fn units(&self) -> &Units {
         &self.0.units
+    }
+
+    /// Whether it can be put into a recorded state.
+    pub fn is_put(&self) -> bool {
+        self.0.is_put
     }
 
     /// What the first few steps showed.
@@ -180,7 +216,7 @@ impl GymnasiumTask {
     /// An environment in a process of its own that nobody has played in.
     pub(crate) fn new_session(&self) -> Result<Session> {
         let opened = &*self.0;
-        let (mut session, greeting) = Session::open(&opened.interpreter, &opened.source)?;
+        let (mut session, greeting) = Session::open(&opened.interpreter, &opened.source, &opened.own)?;
         let Specification { observation_parts, control_ranges, measurements, horizon, .. } =
             &opened.specification;
         if (&greeting.parts, &greeting.bounds) != (observation_parts, control_ranges) {
@@ -188,6 +224,11 @@ impl GymnasiumTask {
         }
         session.measure(&measurements[ALWAYS.len()..], *horizon)?;
         Ok(session)
+    }
+
+    /// Names of the numbers of info that are measured.
+    pub(crate) fn info_measured(&self) -> &[String] {
+        &self.0.specification.measurements[ALWAYS.len()..]
     }
 
     /// Keeps an environment for the next worker, if it works.
@@ -279,8 +320,8 @@ fn measured(words: &str, session: &mut Session, greeting: &Greeting, horizon: us
 }
 
 /// How many steps an episode has.
-fn horizon_of(asked: Option<usize>, limit: Option<usize>, source: &Source) -> Result<usize> {
-    match (asked, limit) {
+fn horizon_of(asked: Option<usize>, greeting: &Greeting, source: &Source) -> Result<usize> {
+    match (asked, greeting.limit) {
         (Some(0), _) => Err(Error::bad_config("--horizon 0: must be at least 1")),
         (Some(asked), Some(limit)) if asked > limit => Err(Error::bad_config(format!(
             "--horizon {asked}: {} stops an episode after {limit} steps by itself",
@@ -289,11 +330,11 @@ fn horizon_of(asked: Option<usize>, limit: Option<usize>, source: &Source) -> Re
         .with_hint("give at most as many, or let the environment be made with a higher max_episode_steps")),
         (Some(asked), _) => Ok(asked),
         (None, Some(limit)) => Ok(limit),
-        (None, None) => Err(Error::bad_config(format!(
-            "{} does not say after how many steps an episode stops",
-            source.words()
-        ))
-        .with_hint(format!("add --horizon N, such as --horizon {NO_LIMIT_STEPS}"))),
+        (None, None) => greeting.usual.ok_or_else(|| {
+            let words = source.words();
+            Error::bad_config(format!("{words} does not say after how many steps an episode stops"))
+                .with_hint(format!("add --horizon N, such as --horizon {NO_LIMIT_STEPS}"))
+        }),
     }
 }
 

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use demosift::Result;
 use demosift::basics::seed::Seed;
+use demosift::math::rows::Rows;
 use rand::Rng as _;
 use serde::{Deserialize, Serialize};
 
@@ -77,6 +78,14 @@ pub(crate) fn episode(session: &mut Session, seed: u64, actions: &[Vec<f64>]) ->
         }
     }
     Ok(turns)
+}
+
+/// Rows of measurements of these turns, of which the reset's has nothing to say.
+pub(crate) fn measurements(turns: &[Turn], width: usize) -> Rows {
+    let mut rows = Rows::with_capacity(width, turns.len());
+    rows.push(&vec![0.0; width]);
+    turns.iter().skip(1).for_each(|turn| rows.push(&turn.row()));
+    rows
 }
 
 /// Plays a seed, another one, and the first again, for so many steps each.

@@ -58,7 +58,7 @@ impl Turn {
     }
 }
 
-fn f64s(bytes: &[u8]) -> impl Iterator<Item = f64> {
+pub(crate) fn f64s(bytes: &[u8]) -> impl Iterator<Item = f64> {
     bytes
         .chunks_exact(8)
         .map(|of| f64::from_le_bytes([of[0], of[1], of[2], of[3], of[4], of[5], of[6], of[7]]))

@@ -25,9 +25,10 @@ use demosift_gymnasium::trial::Repeats;
 /// An environment of `environments/point.py`.
 fn wanted(python: std::path::PathBuf, name: &str) -> Wanted {
     Wanted {
-        source: Source::File { file: support::environments(), name: name.to_owned() },
+        source: Source::File { file: support::environments().canonicalize().unwrap(), name: name.to_owned() },
         python,
         heuristic: None,
+        measure: None,
         horizon: Some(30),
         time_limit: Duration::from_secs(60),
     }
@@ -298,4 +299,98 @@ fn what_does_not_fit_the_environment_is_refused_with_what_would() {
             .unwrap();
     assert!(said.contains("ModuleNotFoundError") || said.contains("no_such_module"), "{said}");
     assert!(error.is_bad_input());
+}
+
+/// A function of `environments/point.py`, as it is typed.
+fn own(name: &str) -> String {
+    format!("{}:{name}", support::environments().display())
+}
+
+#[test]
+fn what_is_measured_beside_an_environment_is_what_it_measures_itself() {
+    let Some(python) = support::interpreter() else { return };
+    let with = |heuristic: &str, measure: Option<&str>| {
+        let (heuristic, measure) = (Some(heuristic.to_owned()), measure.map(own));
+        GymnasiumTask::open(&Wanted { heuristic, measure, ..wanted(python.clone(), "make") }).unwrap()
+    };
+    let plain = with("negated min distance", None);
+    let measured = with("negated min gap", Some("measure"));
+    let scored = with(&own("nearest"), None);
+    let scores = |task: &GymnasiumTask| -> Vec<f64> {
+        played(task, 4).unwrap().iter().map(|one| task.heuristic().score(one.measurements())).collect()
+    };
+    let wanted = scores(&plain);
+    assert_eq!(scores(&measured), wanted);
+    // Worked out in 32 bits.
+    assert!(scores(&scored).iter().zip(&wanted).all(|(one, other)| (one - other).abs() < 1e-6), "{wanted:?}");
+    assert_eq!(measured.specification().measurements, ["reward", "terminated", "gap", "is_success"]);
+    assert_eq!(measured.info(), ["distance", "gap", "is_success", "offset", "paid"]);
+    assert_eq!(scored.specification().measurements, ["reward", "terminated", "score", "is_success"]);
+    let episode = &played(&scored, 1).unwrap()[0];
+    let before = episode.measurements().iter().take(30).map(|row| row[2]);
+    assert!(before.into_iter().all(|score| score == 0.0), "until the last step");
+    assert_eq!(scored.heuristic_name(), "point.py:nearest");
+    assert_eq!(measured.files(), [support::environments().canonicalize().unwrap()], "one file, once");
+}
+
+#[test]
+fn an_episode_that_ends_early_is_scored_at_its_end() {
+    let Some(python) = support::interpreter() else { return };
+    let heuristic = Some(own("nearest"));
+    let task = GymnasiumTask::open(&Wanted { heuristic, ..wanted(python, "Ends") }).unwrap();
+    for episode in played(&task, 6).unwrap() {
+        assert!(matches!(episode.steps(), 3 | 4));
+        let nearest = episode.observations().iter().skip(1).map(|row| (row[0] - 1.0).hypot(row[1]));
+        let wanted = -f64::from(nearest.fold(f32::INFINITY, f32::min));
+        assert!((task.heuristic().score(episode.measurements()) - wanted).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn each_fault_of_a_measure_or_a_score_is_one_sentence_that_names_it() {
+    for (name, said) in [
+        (
+            "measure_list",
+            "point.py:measure_list returned an object of type list after step 1; wanted a dict of numbers",
+        ),
+        ("measure_nan", "point.py:measure_nan: 'gap' is nan after step 1; wanted a finite number"),
+        ("measure_word", "point.py:measure_word: 'gap' is of type str after step 1; wanted a number"),
+        ("measure_taken", "returned 'distance' after step 1, which is measured already; wanted another name"),
+        (
+            "measure_nothing",
+            "point.py:measure_nothing returned an empty dict after step 1; wanted at least one number",
+        ),
+        (
+            "measure_number",
+            "point.py:measure_number is of type int; wanted a function measure(env, obs, reward, info)",
+        ),
+        (
+            "missing",
+            "point.py:missing cannot be imported: AttributeError: module 'point' has no attribute 'missing'",
+        ),
+    ] {
+        let Some(error) = refused("make", |wanted| wanted.measure = Some(own(name))) else { return };
+        assert!(error.is_bad_input() && error.to_string().contains(said), "{name}: {error}");
+    }
+    for (name, said) in [
+        ("measure_raises", "point.py:measure_raises failed after step 3: ZeroDivisionError: "),
+        (
+            "measure_other",
+            "point.py:measure_other returned 'gap', 'late' after step 5, and 'gap' after the first; wanted",
+        ),
+    ] {
+        let error = refused("make", |wanted| wanted.measure = Some(own(name))).unwrap();
+        assert!(error.is_simulation() && error.to_string().starts_with(said), "{name}: {error}");
+    }
+    let Some(python) = support::interpreter() else { return };
+    for (name, said) in [
+        ("score_raises", "failed on an episode of 30 steps: ValueError: no such episode (point.py, line "),
+        ("score_nan", "returned inf on an episode of 30 steps; wanted a finite number"),
+        ("score_none", "returned an object of type NoneType on an episode of 30 steps; wanted a number"),
+    ] {
+        let heuristic = Some(own(name));
+        let task = GymnasiumTask::open(&Wanted { heuristic, ..wanted(python.clone(), "make") }).unwrap();
+        let error = played(&task, 1).unwrap_err().to_string();
+        assert!(error.contains(said) && !error.contains('\n'), "{name}: {error}");
+    }
 }

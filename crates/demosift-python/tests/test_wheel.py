@@ -266,18 +266,22 @@ class Environments(InScratch):
         sys.path.insert(0, str(ENVIRONMENTS.parent))
         self.addCleanup(sys.path.remove, str(ENVIRONMENTS.parent))
 
-    def test_whole_episodes_play_the_same_bits_as_single_steps(self):
-        import point
-
-        # An interpreter that cannot import demosift: there each step goes over the pipe.
+    def stepped(self):
+        """An interpreter that cannot import demosift: there each step goes over the pipe."""
         pathlib.Path("blocked/demosift").mkdir(parents=True)
         pathlib.Path("blocked/demosift/__init__.py").write_text("raise ImportError('blocked')")
         stepped = pathlib.Path("stepped")
         stepped.write_text(f"#!/bin/sh\nPYTHONPATH={os.getcwd()}/blocked exec {sys.executable} \"$@\"\n")
         stepped.chmod(stepped.stat().st_mode | stat.S_IXUSR)
+        return stepped.absolute()
+
+    def test_whole_episodes_play_the_same_bits_as_single_steps(self):
+        import point
+
+        stepped = self.stepped()
         wanted = {"env": point.Point, "horizon": 30, "heuristic": "negated last distance", "progress": False, **FAST}
         whole = demosift.sift(drives([0, 10, 170]), out="whole", **wanted)
-        single = demosift.sift(drives([0, 10, 170]), out="single", python=stepped.absolute(), **wanted)
+        single = demosift.sift(drives([0, 10, 170]), out="single", python=stepped, **wanted)
         scores = [json.loads((run.folder / "scores_cloning.json").read_text()) for run in (whole, single)]
         self.assertEqual(scores[0], scores[1])
         self.assertEqual(whole.kept, single.kept)
@@ -287,6 +291,31 @@ class Environments(InScratch):
         numpy.testing.assert_allclose(whole.policy(seen), 2.0 * plain(seen), rtol=1e-6)
         with self.assertRaisesRegex(demosift.Mistake, "has 3 numbers, and the policy takes 4"):
             plain(numpy.zeros(3))
+
+    def test_measures_and_scores_are_the_same_whole_and_stepped(self):
+        import point
+
+        stepped = self.stepped()
+        for name, own in [
+            ("words", {"heuristic": "negated min distance"}),
+            ("measure", {"measure": point.measure, "heuristic": "negated min gap"}),
+            ("score", {"heuristic": point.nearest}),
+        ]:
+            wanted = {"env": point.Point, "horizon": 30, "progress": False, **own, **FAST}
+            runs = [
+                demosift.sift(drives([0, 10, 170]), out=f"{name}-whole", **wanted),
+                demosift.sift(drives([0, 10, 170]), out=f"{name}-single", python=stepped, **wanted),
+            ]
+            scores = [json.loads((run.folder / "scores_cloning.json").read_text()) for run in runs]
+            self.assertEqual(scores[0], scores[1])
+            if name == "words":
+                words = scores[0]
+            if name == "measure":
+                self.assertEqual(scores[0], words)
+        findings = demosift.check(env=point.Point, horizon=30, measure=point.measure, heuristic="negated min gap")
+        self.assertIn("gap", findings["info"])
+        with self.assertRaisesRegex(demosift.Failed, r"score_raises failed on an episode of 30 steps: ValueError"):
+            demosift.sift(drives([0, 10]), env=point.Point, horizon=30, heuristic=point.score_raises, progress=False, **FAST)
 
     def test_what_goes_wrong_in_whole_episodes_is_one_sentence(self):
         import point

@@ -323,6 +323,33 @@ fn a_pointer_of_git_lfs_is_told_from_damage_by_every_reader() {
 }
 
 #[test]
+fn a_robomimic_file_tells_its_environment_and_the_states_of_its_episodes() {
+    let path = fixture("robomimic.hdf5");
+    let named = robomimic::environment(&path, &[]).unwrap();
+    assert!(named.arguments.contains(r#""env_name": "Fixture""#) && named.longest == 5, "{named:?}");
+    let observed = |key: &str, part| robomimic::Observed { key: key.to_owned(), part };
+    assert_eq!(named.observed, [observed("joint", None), observed("wrist", None)]);
+    let columns = ["wrist[0:1]", "obs/joint"].map(str::to_owned);
+    let named = robomimic::environment(&path, &columns).unwrap();
+    assert_eq!(named.observed, [observed("wrist", Some((0, Some(1)))), observed("joint", None)]);
+    let error = robomimic::environment(&path, &["states".to_owned()]).unwrap_err();
+    assert_says(&error, &["'states' is none of the observations", "obs/<name>", "robomimic.hdf5"]);
+    let error = robomimic::environment(&fixture("minari_hdf5/data/main_data.hdf5"), &[]).unwrap_err();
+    assert_says(&error, &["names no environment", "no group 'data'"]);
+
+    let mut source = read(&path).unwrap();
+    source.ids.remove(0);
+    let states = robomimic::read_states(&path, &source, 1).unwrap();
+    let lengths: Vec<usize> =
+        states.iter().map(|one| one.as_ref().map_or(0, |one| one.states.len())).collect();
+    assert_eq!(lengths, [0, 3, 0], "the first of those that are meant");
+    let second = states[1].as_ref().unwrap();
+    assert_eq!((second.model.as_deref(), second.states[0].len()), (Some("<mujoco/>"), 4));
+    let shortened: Vec<f32> = second.actions.iter().flatten().map(|number| *number as f32).collect();
+    assert_eq!(shortened, source.episodes[1].actions.flat());
+}
+
+#[test]
 fn names_of_robomimic_without_their_group_are_its_columns() {
     let short = columns(&["wrist[1]", "joint"], &[]);
     let source = open::open(&fixture("robomimic.hdf5"), None, &short).unwrap();

@@ -55,7 +55,7 @@ pub(crate) const JUDGE: &str = "\
 Examples:
   How much does imitating each demonstration help?
     demosift judge data/free_throw_8 --task free_throw --preset quick --out runs/throws
-  In the environment that a Minari set names:
+  In the environment that a set of Minari or robomimic names:
     demosift judge my_minari_set --env from-set --python .venv/bin/python --out runs/minari
   By cloning alone, in seconds:
     demosift judge data/free_throw_8 --task free_throw --judge cloning --out runs/by_cloning

@@ -4,6 +4,7 @@ pub(crate) mod examples;
 mod part;
 mod play;
 mod reproduce;
+mod simulator;
 mod study;
 mod trainer;
 pub(crate) mod version;
@@ -24,6 +25,7 @@ use crate::console::interruption::GoesOn;
 pub(crate) use part::{PartArgument, RefereeArguments};
 pub(crate) use play::{PictureArguments, PlayArguments};
 pub(crate) use reproduce::ReproduceArguments;
+pub(crate) use simulator::SimulatorArguments;
 pub(crate) use study::StudyArguments;
 pub(crate) use trainer::TrainerArguments;
 
@@ -250,36 +252,6 @@ pub(crate) struct RunArguments {
     /// Print the results as JSON
     #[arg(long)]
     pub(crate) json: bool,
-}
-
-/// A simulator of the user's own, in place of a task.
-#[derive(Clone, Debug, Default, Args)]
-#[command(next_help_heading = "Your own simulator, in Python")]
-pub(crate) struct SimulatorArguments {
-    /// An environment of Gymnasium instead of --task: gymnasium:HalfCheetah-v5, my_env.py:make, package.module:make, or
-    /// from-set for the one that a Minari set names; see docs/simulators.md
-    #[arg(long, value_name = "ENV", conflicts_with = "task")]
-    pub(crate) env: Option<String>,
-    /// The Python interpreter in which the environment or the trainer works, such as .venv/bin/python [default: python3]
-    #[arg(long, value_name = "PATH")]
-    pub(crate) python: Option<PathBuf>,
-    /// Processes that play at once, each with an environment; more than there are processors make sense where the
-    /// environment waits. The results do not depend on it [default: as many as --threads]
-    #[arg(long, value_name = "N")]
-    pub(crate) workers: Option<usize>,
-    /// Steps of an episode [default: as the environment says]
-    #[arg(long, value_name = "N")]
-    pub(crate) horizon: Option<usize>,
-    /// What a good episode is, higher being better: sum, mean, last, max, min, any, last_minus_first or count of the reward or
-    /// of a number in info, such as "any is_success", "max height" or "negated min gap" [default: sum reward]
-    #[arg(long, value_name = "WORDS")]
-    pub(crate) heuristic: Option<String>,
-    /// How long a start, a reset, a step or an action may take before it counts as hanging [default: 60]
-    #[arg(long, value_name = "SECONDS")]
-    pub(crate) time_limit: Option<u64>,
-    /// Run code that the set names, if its environment is not registered here (for --env from-set)
-    #[arg(long)]
-    pub(crate) trust_set: bool,
 }
 
 #[derive(Debug, Args)]

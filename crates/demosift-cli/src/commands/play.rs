@@ -78,9 +78,8 @@ fn choose(arguments: &PlayArguments) -> Result<Chosen> {
         .and_then(|folder| run_folder::of_finished(folder).ok());
     let run = run.map(|(identity, _)| identity).filter(|_| arguments.task.is_none());
     let environment = run.as_ref().and_then(Identity::environment);
-    if let Some(simulated) =
-        simulator::open(&arguments.simulator, arguments.data.as_deref(), environment, false)?
-    {
+    let set = simulator::naming(arguments.data.as_deref(), None, None);
+    if let Some(simulated) = simulator::open(&arguments.simulator, set, environment, false)? {
         return task::in_python(simulated);
     }
     let name = arguments.task.as_ref().or(run.as_ref().map(|identity| &identity.task));

@@ -96,6 +96,7 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<()> {
         preset: None,
         given: None,
         set: None,
+        stored: None,
         referees: false,
         trainer: None,
     })?;

@@ -37,7 +37,8 @@ pub(crate) fn run(command: &TaskCommand) -> Result<()> {
 }
 
 fn check(arguments: &TaskCheckArguments) -> Result<()> {
-    if let Some(simulated) = simulator::open(&arguments.simulator, arguments.data.as_deref(), None, false)? {
+    let set = simulator::naming(arguments.data.as_deref(), Some(&arguments.storage.storage), None);
+    if let Some(simulated) = simulator::open(&arguments.simulator, set, None, false)? {
         return environment::check(&simulated, arguments);
     }
     let named = arguments.task.as_ref().ok_or_else(task::missing)?;

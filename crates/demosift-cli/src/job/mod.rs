@@ -29,7 +29,7 @@ use demosift::{Error, Result};
 use demosift_gymnasium::trainer::PythonTrainer;
 use toml::Table;
 
-use crate::arguments::{JobArguments, PresetName, RunArguments};
+use crate::arguments::{JobArguments, PresetName, RunArguments, SourceArguments};
 use crate::configuration::asked_again;
 use crate::configuration::{self, Layer};
 use crate::console::interruption;
@@ -376,6 +376,8 @@ pub(crate) struct Asked<'a> {
     pub(crate) given: Option<&'a GivenPrior>,
     /// The demonstrations, which may name their environment.
     pub(crate) set: Option<&'a Path>,
+    /// How these are stored.
+    pub(crate) stored: Option<&'a SourceArguments>,
     /// Which part of the run's work is to be done.
     pub(crate) part: Option<Part>,
     /// Whether final policies are trained, and so a trainer may be needed.
@@ -389,7 +391,8 @@ impl<'a> Asked<'a> {
         let JobArguments { run, variant, preset, demonstrations, .. } = arguments;
         let (variant, set) = (variant.as_deref(), demonstrations.as_deref());
         let trainer = arguments.trainer.trainer.as_deref();
-        Self { run, variant, preset: *preset, given: None, set, part: None, referees: false, trainer }
+        let stored = Some(&arguments.source.storage);
+        Self { run, variant, preset: *preset, given: None, set, stored, part: None, referees: false, trainer }
     }
 }
 
@@ -407,11 +410,11 @@ pub(crate) struct Request {
 
 impl Request {
     pub(crate) fn of(asked: &Asked<'_>) -> Result<Self> {
-        let Asked { run: arguments, variant, preset, given, set, part, trainer: typed, .. } = *asked;
+        let Asked { run: arguments, variant, preset, given, set, stored, part, trainer: typed, .. } = *asked;
         let task_of_prior = given.map(|given| &given.identity.task);
         let env = match &arguments.out {
             Some(_) => None,
-            None => simulator::folder_name(&arguments.simulator, set)?,
+            None => simulator::folder_name(&arguments.simulator, simulator::naming(set, stored, None))?,
         };
         let out = match (&arguments.out, arguments.task.as_ref().or(env.as_ref()).or(task_of_prior)) {
             (Some(out), _) => out.clone(),
@@ -425,6 +428,7 @@ impl Request {
         let begun = run_folder::look_into(&out, arguments.resume || part.is_some())?;
         let data = begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
         let set = set.or(data.map(|data| data.path.as_path()));
+        let set = simulator::naming(set, stored, data.map(|data| &data.columns));
         let earlier = begun.as_ref().map(|begun| &begun.identity).or(given.map(|given| &given.identity));
         let environment = earlier.filter(|_| arguments.task.is_none()).and_then(Identity::environment);
         let name = arguments.task.as_ref().or(earlier.map(|identity| &identity.task)).map(String::as_str);
@@ -540,14 +544,13 @@ fn layers(arguments: &RunArguments) -> Result<Vec<Layer>> {
 /// Whether the run that is there is about the same task; said before its demonstrations are found not to fit.
 fn check_task(begun: &Identity, chosen: &Chosen) -> Result<()> {
     let hash = |sha256: &Option<String>| sha256.clone().unwrap_or_else(|| "none".to_owned());
-    let pairs = [
-        ("the task", begun.task.clone(), chosen.name.clone()),
-        ("the SHA-256 of the task's files", hash(&begun.task_sha256), hash(&chosen.sha256)),
-    ];
-    let of_task = pairs.into_iter().find(|(_, old, new)| old != new);
+    let pair = |what: &str, old: String, new: String| (old != new).then(|| (what.to_owned(), old, new));
     let now = chosen.simulated.as_ref().map(Simulated::identity);
-    let differs = of_task.map(|(what, old, new)| (what.to_owned(), old, new));
-    match differs.or_else(|| simulator::difference(begun.simulator.as_ref(), now.as_ref())) {
+    // What is called something else is of other files too.
+    let differs = pair("the task", begun.task.clone(), chosen.name.clone())
+        .or_else(|| simulator::difference(begun.simulator.as_ref(), now.as_ref()))
+        .or_else(|| pair("the SHA-256 of the task's files", hash(&begun.task_sha256), hash(&chosen.sha256)));
+    match differs {
         Some((what, old, new)) => Err(run_folder::of_another_run(&what, &old, &new)),
         None => Ok(()),
     }

@@ -80,10 +80,11 @@ pub(crate) fn choose(name_or_path: &str) -> Result<Chosen> {
 /// An environment in Python as a task.
 pub(crate) fn in_python(simulated: Simulated) -> Result<Chosen> {
     let task = simulated.task.clone();
+    let files = task.files();
     Ok(Chosen {
         mujoco: None,
         name: task.source().words(),
-        sha256: task.source().file().map(|file| files::sha256(&[file.to_owned()])).transpose()?,
+        sha256: if files.is_empty() { None } else { Some(files::sha256(&files)?) },
         variant: None,
         values: Layer::from_text("the values of an environment", "")?,
         task: Box::new(task),

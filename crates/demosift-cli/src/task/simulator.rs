@@ -4,17 +4,18 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use demosift::data::demonstration::episode::Columns;
 use demosift::world::environment::Task as _;
 use demosift::world::rollout::Playground;
 use demosift::{Error, Result};
 use demosift_gymnasium::check::SLOW;
-use demosift_gymnasium::source::Source;
+use demosift_gymnasium::source::{NamingSet, Source};
 use demosift_gymnasium::task::{GymnasiumTask, Wanted};
 use demosift_gymnasium::trial::Repeats;
 use serde::{Deserialize, Serialize};
 use toml::Table;
 
-use crate::arguments::SimulatorArguments;
+use crate::arguments::{SimulatorArguments, SourceArguments};
 use crate::configuration::Layer;
 use crate::console::terminal;
 
@@ -34,8 +35,11 @@ const SLOW_VALUES: &str = "judges = 'cloning'\nreferee.gail = 0";
 pub(crate) struct Simulator {
     /// The interpreter.
     pub(crate) python: PathBuf,
-    /// In a few words.
+    /// In a few words, or the function of a whole episode, from any working directory.
     pub(crate) heuristic: String,
+    /// The function that measures more of each step, from any working directory.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) measure: Option<String>,
     pub(crate) horizon: usize,
     /// Of Python and of all that the physics depend on.
     pub(crate) versions: BTreeMap<String, String>,
@@ -44,7 +48,7 @@ pub(crate) struct Simulator {
     /// Least and greatest of each number of an action, in the environment's own unit: what −1 and 1 of a policy mean.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) bounds: Vec<[f64; 2]>,
-    /// The environment that a set named, as Gymnasium writes it.
+    /// The environment that a set named: as Gymnasium writes it, or what a set of robomimic says of it and is observed of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) spec: Option<String>,
     /// Whether code that the set names may run.
@@ -66,6 +70,7 @@ impl Simulated {
         Simulator {
             python: task.python().to_owned(),
             heuristic: task.heuristic_words().to_owned(),
+            measure: task.measure_words(),
             horizon: task.specification().horizon,
             versions: task.versions().clone(),
             repeats: task.repeats(),
@@ -122,12 +127,26 @@ pub(crate) struct Earlier<'a> {
     pub(crate) simulator: &'a Simulator,
 }
 
+/// The set that may name its environment; `recorded` are the columns of a run that goes on, where no others are typed.
+pub(crate) fn naming<'a>(
+    path: Option<&'a Path>,
+    how: Option<&'a SourceArguments>,
+    recorded: Option<&'a Columns>,
+) -> Option<NamingSet<'a>> {
+    let typed = how.map_or(&[][..], |how| &how.observation_columns);
+    let observations = match recorded {
+        Some(recorded) if typed.is_empty() => &recorded.observations,
+        _ => typed,
+    };
+    Some(NamingSet { path: path?, format: how.and_then(|how| how.format), observations })
+}
+
 /// Opens the environment that is asked for, or that an earlier run was about; `None` if it is a task that is meant.
 ///
 /// `set` is the set of demonstrations that `from-set` means; `has_trainer` says whether some options may be about a trainer.
 pub(crate) fn open(
     asked: &SimulatorArguments,
-    set: Option<&Path>,
+    set: Option<NamingSet<'_>>,
     earlier: Option<Earlier<'_>>,
     has_trainer: bool,
 ) -> Result<Option<Simulated>> {
@@ -135,7 +154,7 @@ pub(crate) fn open(
     let source = match (&asked.env, earlier) {
         (Some(env), _) => Source::parse(env, set, asked.trust_set)?,
         (None, Some(Earlier { env, simulator })) => match &simulator.spec {
-            Some(spec) => Source::Set { spec: spec.clone(), trusted: simulator.trusted || asked.trust_set },
+            Some(spec) => Source::of_spec(spec.clone(), simulator.trusted || asked.trust_set),
             None => Source::parse(env, set, false)?,
         },
         (None, None) => return asked.check_unused(has_trainer).map(|()| None),
@@ -147,6 +166,7 @@ pub(crate) fn open(
         source,
         python: python.or(simulator.map(|of| of.python.clone())).unwrap_or_else(|| PYTHON.into()),
         heuristic: asked.heuristic.clone().or(simulator.map(|of| of.heuristic.clone())),
+        measure: asked.measure.clone().or(simulator.and_then(|of| of.measure.clone())),
         horizon: asked.horizon.or(simulator.map(|of| of.horizon)),
         time_limit: time_limit(asked)?,
     })?;
@@ -170,7 +190,7 @@ fn check_workers(count: usize) -> Result<()> {
 }
 
 /// The name that the environment's folder has, before it is opened.
-pub(crate) fn folder_name(asked: &SimulatorArguments, set: Option<&Path>) -> Result<Option<String>> {
+pub(crate) fn folder_name(asked: &SimulatorArguments, set: Option<NamingSet<'_>>) -> Result<Option<String>> {
     let env = asked.env.as_ref();
     env.map(|env| Ok(Source::parse(env, set, asked.trust_set)?.short_name())).transpose()
 }
@@ -189,10 +209,11 @@ pub(crate) fn difference(
             return Some(("the task".to_owned(), kind(is_one).to_owned(), kind(!is_one).to_owned()));
         }
     };
-    let spec = |of: &Simulator| of.spec.clone().unwrap_or_else(|| "none".to_owned());
+    let or_none = |words: &Option<String>| words.clone().unwrap_or_else(|| "none".to_owned());
     let mut pairs = vec![
-        ("the environment that the set names".to_owned(), spec(old), spec(new)),
+        ("the environment that the set names".to_owned(), or_none(&old.spec), or_none(&new.spec)),
         ("the heuristic".to_owned(), old.heuristic.clone(), new.heuristic.clone()),
+        ("the function that measures".to_owned(), or_none(&old.measure), or_none(&new.measure)),
         ("the horizon".to_owned(), old.horizon.to_string(), new.horizon.to_string()),
     ];
     let version =
@@ -219,12 +240,13 @@ pub(super) fn absolute(python: &Path) -> Result<PathBuf> {
 impl SimulatorArguments {
     /// Refuses what would say nothing; an interpreter and a time limit may be those of a trainer.
     fn check_unused(&self, has_trainer: bool) -> Result<()> {
-        let Self { env: _, python, workers, horizon, heuristic, time_limit, trust_set } = self;
+        let Self { env: _, python, workers, horizon, heuristic, measure, time_limit, trust_set } = self;
         let given = [
             ("--python", python.is_some() && !has_trainer),
             ("--workers", workers.is_some()),
             ("--horizon", horizon.is_some()),
             ("--heuristic", heuristic.is_some()),
+            ("--measure", measure.is_some()),
             ("--time-limit", time_limit.is_some() && !has_trainer),
             ("--trust-set", *trust_set),
         ];
@@ -246,6 +268,7 @@ mod tests {
         Simulator {
             python: "python3".into(),
             heuristic: "sum reward".to_owned(),
+            measure: None,
             horizon: 30,
             versions: versions
                 .iter()

@@ -8,9 +8,11 @@ What is asked and answered are frames: the length of the payload (u32), one lett
 | asked | payload | answered | payload |
 |---|---|---|---|
 | `O` open | JSON: environment | `G` greeting | JSON: versions, sizes, names |
-| `M` measure | JSON: names of numbers in info | `K` done | none |
+| `M` measure | JSON: names of numbers in info, steps of an episode | `K` done | JSON: names of all there are |
 | `R` reset | seed, u64 | `T` turn | see `turn` |
 | `S` step | action in the environment's own unit, f64 each | `T` turn | see `turn` |
+| `I` into a recorded state | length of the model's text, u32, 0 if there is none; the text; the state, f64 each | `T` turn | see `turn` |
+| `Q` which state | none | `A` state | f64 each |
 | `P` play | policy and seeds, see `src/whole.rs` | `W` played | episodes; before it may stand any number of `H`, for "still playing" |
 | `L` learn with | JSON: trainer, sizes of an observation and an action | `K` done | JSON: versions |
 | `D` demonstration | its number of steps, u32; observations and actions, f32 each | `K` done | none |
@@ -28,11 +30,14 @@ import os
 import signal
 import struct
 import sys
+from collections.abc import Mapping
 
-PROTOCOL = 3
-LETTERS = {"open": b"O", "measure": b"M", "reset": b"R", "step": b"S", "play": b"P"}
+PROTOCOL = 4
+LETTERS = {"open": b"O", "measure": b"M", "reset": b"R", "step": b"S", "play": b"P", "put": b"I", "state": b"Q"}
 LEARNING = {"learn": b"L", "demonstration": b"D", "train": b"N", "begin": b"B", "act": b"A"}
 TERMINATED, TRUNCATED = 1, 2
+#: What every environment measures, and the name of what a function says of a whole episode.
+ALWAYS, SCORE = ("reward", "terminated"), "score"
 PR_SET_PDEATHSIG = 1
 DEEPEST = 8
 #: Flags and reward stand before the observation of a turn.
@@ -45,6 +50,10 @@ class Refused(Exception):
     def __init__(self, message, hint=None):
         super().__init__(message)
         self.hint = hint
+
+
+class Fault(Exception):
+    """A function of the user's beside the environment did what cannot be used; says which function and what."""
 
 
 def end_with_parent(parent):
@@ -70,6 +79,8 @@ def take_streams():
 
 def make(asked):
     """The environment that is asked for."""
+    if asked.get("kind") == "robosuite":
+        return module_of(asked["adapter"], "demosift_robosuite").make(asked["robosuite"], asked["longest"], Refused)
     import gymnasium
 
     if asked.get("spec") is not None:
@@ -91,6 +102,17 @@ def named(asked):
     for part in asked["name"].split("."):
         found = getattr(found, part)
     return found
+
+
+def module_of(text, name):
+    """The module that is this text."""
+    import types
+
+    module = types.ModuleType(name)
+    sys.modules[name] = module
+    # The name of what this file itself is called in a traceback, which is nobody's place.
+    exec(compile(text, "<string>", "exec"), vars(module))
+    return module
 
 
 def spec_of(text):
@@ -124,6 +146,10 @@ def import_file(path):
     import importlib.util
 
     folder, name = os.path.dirname(path), os.path.splitext(os.path.basename(path))[0]
+    known = sys.modules.get(name)
+    if known is not None and getattr(known, "__file__", None) == path:
+        # An environment and what measures it may lie in one file, which is run once.
+        return known
     sys.path.insert(0, folder)
     spec = importlib.util.spec_from_file_location(name, path)
     module = importlib.util.module_from_spec(spec)
@@ -141,7 +167,9 @@ def leaves(space, name="", depth=0):
     if isinstance(space, spaces.Dict):
         inner = [(key, key, part) for key, part in sorted(space.spaces.items())]
     elif isinstance(space, spaces.Tuple):
-        inner = [(f"_index_{index}", index, part) for index, part in enumerate(space.spaces)]
+        # Those of a set have the names that they have there.
+        names = getattr(space, "names", None) or [f"_index_{index}" for index in range(len(space.spaces))]
+        inner = [(label, index, part) for index, (label, part) in enumerate(zip(names, space.spaces))]
     else:
         return [(name or "observation", space, ())]
     found = []
@@ -282,14 +310,112 @@ def as_number(value):
     return None
 
 
+class Own:
+    """A function of the user's beside the environment: `measure` after each step, or `score` of an episode."""
+
+    def __init__(self, asked, wanted):
+        self.words = asked["words"]
+        try:
+            self.function = named(asked)
+        except Exception as error:
+            raise Fault(f"{self.words} cannot be imported: {in_words(error)}") from None
+        if not callable(self.function):
+            raise Fault(f"{self.words} is of type {type(self.function).__name__}; wanted a function {wanted}")
+
+    def call(self, when, *arguments):
+        try:
+            return self.function(*arguments)
+        except Exception as error:
+            raise Fault(f"{self.words} failed {when}: {in_words(error)}") from None
+
+    def number(self, value, when, name=None):
+        """A finite number that it returned, under a name if there are several."""
+        number, what = as_number(value), self.words if name is None else f"{self.words}: '{name}'"
+        if number is None:
+            verb = "returned an object" if name is None else "is"
+            raise Fault(f"{what} {verb} of type {type(value).__name__} {when}; wanted a number")
+        if not -float("inf") < number < float("inf"):
+            raise Fault(f"{what} {'returned' if name is None else 'is'} {number} {when}; wanted a finite number")
+        return number
+
+
+class Measure(Own):
+    """More numbers of each step, by `measure(env, obs, reward, info)`, which returns them by name."""
+
+    def __init__(self, asked, taken):
+        super().__init__(asked, "measure(env, obs, reward, info), which returns numbers by name")
+        self.taken, self.names = taken, None
+
+    def numbers(self, env, step, observation, reward, info):
+        when = f"after step {step}"
+        found = self.call(when, env, observation, reward, info)
+        if not isinstance(found, Mapping):
+            raise Fault(
+                f"{self.words} returned an object of type {type(found).__name__} {when}; wanted a dict of numbers, such as "
+                "{'gap': 0.1}"
+            )
+        numbers = {str(name): self.number(value, when, name) for name, value in found.items()}
+        if self.names is None:
+            self.names = set(numbers)
+            if not numbers:
+                raise Fault(f"{self.words} returned an empty dict {when}; wanted at least one number")
+        if set(numbers) != self.names:
+            raise Fault(
+                f"{self.words} returned {listed(numbers)} {when}, and {listed(self.names)} after the first; wanted the same names "
+                "each time"
+            )
+        taken = [name for name in numbers if name in self.taken or as_number(info.get(name)) is not None]
+        if taken:
+            raise Fault(f"{self.words} returned '{taken[0]}' {when}, which is measured already; wanted another name")
+        return numbers
+
+
+class Score(Own):
+    """The heuristic of a whole episode, by `score(observations, actions, rewards)`."""
+
+    def __init__(self, asked, numpy):
+        super().__init__(asked, "score(observations, actions, rewards), which returns a number")
+        self.numpy = numpy
+        self.begin()
+
+    def begin(self, observation=None):
+        self.observations, self.actions, self.rewards = [] if observation is None else [observation], [], []
+
+    def add(self, observation, action, reward):
+        self.observations.append(observation)
+        self.actions.append(action)
+        self.rewards.append(reward)
+
+    def number_of_episode(self):
+        when = f"on an episode of {len(self.actions)} steps"
+        arrays = self.numpy.stack(self.observations), self.numpy.stack(self.actions), self.numpy.array(self.rewards)
+        return self.number(self.call(when, *arrays), when)
+
+
+def in_words(error):
+    """What was raised, and where."""
+    found = problem(error)
+    return found["message"] + (f" ({found['place']})" if found["place"] else "")
+
+
+def listed(names):
+    return ", ".join(f"'{name}'" for name in sorted(names)) or "nothing"
+
+
 class Player:
     """The environment with what is known of it."""
 
-    def __init__(self, env):
+    def __init__(self, env, own=None):
         import numpy
 
+        own = own or {}
         self.numpy = numpy
         self.env = env
+        self.score = Score(own["score"], numpy) if own.get("score") else None
+        taken = {*ALWAYS, SCORE} if self.score else set(ALWAYS)
+        self.own = Measure(own["measure"], taken) if own.get("measure") else None
+        #: Steps of an episode, once that is known.
+        self.horizon = None
         for wanted in ("reset", "step", "observation_space", "action_space"):
             if not hasattr(env, wanted):
                 raise Refused(
@@ -312,15 +438,42 @@ class Player:
         # For environments that draw from these and not from their own generator.
         random.seed(seed)
         self.numpy.random.seed(seed % 2**32)
-        self.steps = 0
         observation, _ = self.env.reset(seed=seed)
+        return self.begun(observation)
+
+    def begun(self, observation):
+        self.steps = 0
+        if self.score is not None:
+            self.score.begin(self.flat(observation).copy())
         return self.turn(observation, 0.0, False, False, None)
 
     def step(self, action):
         action = self.numpy.frombuffer(action, self.doubles).astype(self.dtype).reshape(self.shape)
+        return self.turn(*self.advance(action))
+
+    def advance(self, action):
+        """One step, with what the user measures of it among the numbers of info."""
         observation, reward, terminated, truncated, info = self.env.step(action)
+        reward, terminated, truncated = float(reward), bool(terminated), bool(truncated)
         self.steps += 1
-        return self.turn(observation, float(reward), bool(terminated), bool(truncated), info)
+        if self.own is not None:
+            info = {**info, **self.own.numbers(self.env, self.steps, observation, reward, info)}
+        if self.score is not None:
+            # An environment may write into what it was given and has returned.
+            self.score.add(self.flat(observation).copy(), self.numpy.array(action, dtype=float).ravel(), reward)
+            is_over = terminated or truncated or self.steps == self.horizon
+            info = {**info, SCORE: self.score.number_of_episode() if is_over else 0.0}
+        return observation, reward, terminated, truncated, info
+
+    def put(self, payload):
+        """Goes on from a recorded state, where the environment can be put into one."""
+        (length,) = struct.unpack_from("<I", payload)
+        model = payload[4 : 4 + length].decode() if length else None
+        state = self.numpy.frombuffer(payload[4 + length :], self.doubles)
+        return self.begun(self.env.unwrapped.put_into(model, state.copy()))
+
+    def state(self):
+        return self.numpy.asarray(self.env.unwrapped.state(), dtype=self.doubles).tobytes()
 
     def turn(self, observation, reward, terminated, truncated, info):
         """u8 with bits 1 terminated and 2 truncated, reward f64, observation f32 each, measured numbers f64 each."""
@@ -359,7 +512,7 @@ class Player:
             self.env.action_space.seed(0)
         found, seen = [], 0
         while True:
-            _, _, terminated, truncated, info = self.env.step(self.env.action_space.sample())
+            _, _, terminated, truncated, info = self.advance(self.env.action_space.sample())
             seen += 1
             names = [str(name) for name, value in info.items() if as_number(value) is not None]
             if seen == 1:
@@ -374,6 +527,7 @@ class Player:
 
     def greeting(self, limit):
         info = self.numbers_in_info(False, 1)
+        inner = getattr(self.env, "unwrapped", self.env)
         return {
             "protocol": PROTOCOL,
             "versions": versions(self.env),
@@ -382,6 +536,8 @@ class Player:
             "bounds": self.bounds,
             "info": info,
             "limit": limit_of(self.env),
+            "usual": getattr(inner, "usual_steps", None),
+            "is_put": hasattr(inner, "put_into"),
             "step_secs": step_secs(self.env),
             "picture_secs": picture_secs(self.env),
         }
@@ -519,11 +675,15 @@ class Desk:
             return b"W", self.episodes.play(payload, self.player, self.beat)
         if letter == LETTERS["reset"]:
             return b"T", self.player.reset(struct.unpack("<Q", payload)[0])
+        if letter == LETTERS["put"]:
+            return b"T", self.player.put(payload)
+        if letter == LETTERS["state"]:
+            return b"A", self.player.state()
         asked = json.loads(payload)
         if letter == LETTERS["measure"]:
             return b"K", self.measure(asked)
         if letter == LETTERS["open"]:
-            self.player = Player(make(asked))
+            self.player = Player(make(asked), asked.get("own"))
             greeting = self.player.greeting(asked.get("limit"))
             # After the environment, which may bring a MuJoCo of its own.
             self.episodes, greeting["player"] = player_of_episodes()
@@ -546,6 +706,7 @@ class Desk:
     def measure(self, asked):
         """Measures these from now on; the answer lists all there are if one of them is missing."""
         known = set(self.player.always)
+        self.player.horizon = asked["limit"]
         if not known.issuperset(asked["names"]):
             # Some are there only at the end of an episode.
             known.update(self.player.numbers_in_info(True, asked["limit"]))
@@ -558,6 +719,8 @@ def problem(error):
     """An error as its last line says it, with the place in the code."""
     import traceback
 
+    if isinstance(error, Fault):
+        return {"kind": "function", "message": str(error), "hint": None, "place": None}
     if isinstance(error, Refused):
         return {"kind": "refused", "message": str(error), "hint": error.hint, "place": None}
     frames = traceback.extract_tb(error.__traceback__)

@@ -204,3 +204,61 @@ def no_environment():
 
 def broken():
     return undefined_name  # noqa: F821
+
+
+def measure(env, obs, reward, info):
+    """The distance again, out of the environment, and what of it the observation says."""
+    offset = obs[:2] - GOAL
+    return {"gap": env.unwrapped.distance(), "offset": numpy.hypot(offset[0], offset[1]), "paid": reward}
+
+
+def nearest(observations, actions, rewards):
+    """How near an episode came to the goal; less than 0."""
+    assert observations.shape == (len(actions) + 1, 4) and actions.shape[1] == 2 and len(rewards) == len(actions)
+    assert numpy.abs(actions).max() <= 2.0
+    offsets = observations[1:, :2] - GOAL
+    observations[:] = 0.0  # What it is given is its own.
+    return -numpy.hypot(offsets[:, 0], offsets[:, 1]).min()
+
+
+def measure_raises(env, obs, reward, info):
+    return {"gap": 1.0 / (env.unwrapped.steps - 3)}
+
+
+def measure_list(env, obs, reward, info):
+    return [1.0]
+
+
+def measure_nan(env, obs, reward, info):
+    return {"gap": float("nan")}
+
+
+def measure_word(env, obs, reward, info):
+    return {"gap": "near"}
+
+
+def measure_other(env, obs, reward, info):
+    return {"gap": 1.0} if env.unwrapped.steps < 5 else {"gap": 1.0, "late": 2.0}
+
+
+def measure_taken(env, obs, reward, info):
+    return {"distance": 1.0}
+
+
+def measure_nothing(env, obs, reward, info):
+    return {}
+
+
+measure_number = 3
+
+
+def score_raises(observations, actions, rewards):
+    raise ValueError("no such episode")
+
+
+def score_nan(observations, actions, rewards):
+    return float("inf")
+
+
+def score_none(observations, actions, rewards):
+    return None

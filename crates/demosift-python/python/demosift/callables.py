@@ -31,6 +31,8 @@ function = cloudpickle.loads(base64.b64decode("""
 _WANTED = {
     "env": "a function without arguments, a class",
     "trainer": "a function of demonstrations and a seed",
+    "measure": "a function of env, obs, reward and info that returns a dict of numbers",
+    "heuristic": "words such as 'sum reward', a function of observations, actions and rewards that returns a number",
 }
 
 

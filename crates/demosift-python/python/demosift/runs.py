@@ -140,7 +140,8 @@ def sift(
     *,
     env: str | Callable[[], Any] | None = None,
     task: str | None = None,
-    heuristic: str | None = None,
+    heuristic: str | Callable[[Any, Any, Any], float] | None = None,
+    measure: str | Callable[[Any, Any, float, dict[str, Any]], Mapping[str, float]] | None = None,
     imitation: str | None = None,
     workers: int | None = None,
     horizon: int | None = None,
@@ -159,7 +160,11 @@ def sift(
     `demonstrations` is whatever `demosift.open` takes.
     `env` is an environment of Gymnasium: ``"gymnasium:HalfCheetah-v5"``, ``"my_env.py:make"``, ``"from-set"``, or a function
     without arguments, or class, that makes one; `task` is a task of demosift instead.
-    `heuristic` says what a good episode is, such as ``"any is_success"``; by default the sum of rewards.
+    `heuristic` says what a good episode is, such as ``"any is_success"``; by default the sum of rewards. It may be a function
+    ``score(observations, actions, rewards)`` of a whole episode that returns a number, higher being better: arrays
+    `[T + 1, obs]`, `[T, act]` in the environment's own unit, and `[T]`.
+    `measure` measures more of each step, for the words of a heuristic: ``measure(env, obs, reward, info)`` returns a dict of
+    numbers, the same names each time.
     `imitation` is ``"cloning"`` or ``"gail"`` if only that is to judge and train.
     `python` is the interpreter of the environment and the trainer, by default this one.
     `trainer` trains policies of your own kind: ``train(demonstrations, seed)`` gets a list of episodes with `observations`
@@ -175,7 +180,14 @@ def sift(
     `out` must be seen by all who take part.
     """
     job = _job(
-        env=env, trainer=trainer, task=task, python=python, heuristic=heuristic, workers=workers, horizon=horizon
+        env=env,
+        trainer=trainer,
+        heuristic=heuristic,
+        measure=measure,
+        task=task,
+        python=python,
+        workers=workers,
+        horizon=horizon,
     )
     values = dict(values or {})
     words = [f"{key}={value}" for key, value in values.items()]
@@ -207,7 +219,8 @@ def check(
     *,
     env: str | Callable[[], Any] | None = None,
     task: str | None = None,
-    heuristic: str | None = None,
+    heuristic: str | Callable[[Any, Any, Any], float] | None = None,
+    measure: str | Callable[[Any, Any, float, dict[str, Any]], Mapping[str, float]] | None = None,
     horizon: int | None = None,
     python: str | os.PathLike[str] | None = None,
     **options: Any,
@@ -218,7 +231,7 @@ def check(
 
         demosift.check("my_demonstrations.hdf5", env=make)["findings"]
     """
-    job = _job(env=env, python=python, heuristic=heuristic, horizon=horizon)
+    job = _job(env=env, python=python, heuristic=heuristic, measure=measure, horizon=horizon)
     data = []
     if demonstrations is not None:
         path, *how = open_set(demonstrations).words()
@@ -266,13 +279,13 @@ def _job(
     env: str | Callable[[], Any] | None,
     python: str | os.PathLike[str] | None,
     trainer: str | Callable[..., Any] | None = None,
+    heuristic: str | Callable[..., Any] | None = None,
+    measure: str | Callable[..., Any] | None = None,
     **options: Any,
 ) -> list[str]:
-    """The environment or task, and the trainer, as options."""
-    ours = {
-        "env": None if env is None else named(env, "env"),
-        "trainer": None if trainer is None else named(trainer, "trainer"),
-    }
+    """The environment or task, the trainer, and what is measured, as options."""
+    functions = {"env": env, "trainer": trainer, "heuristic": heuristic, "measure": measure}
+    ours = {what: None if function is None else named(function, what) for what, function in functions.items()}
     if ours["env"] or ours["trainer"]:
         ours["python"] = os.fspath(python or sys.executable)
     return command.options(**ours, **options)

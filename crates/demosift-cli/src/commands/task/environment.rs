@@ -5,9 +5,11 @@ use std::path::Path;
 
 use demosift::Result;
 use demosift::basics::seed::Seed;
-use demosift::data::demonstration::minari;
+use demosift::data::demonstration::episode::Format;
+use demosift::data::demonstration::{minari, robomimic};
 use demosift::world::environment::{Specification, Task as _};
-use demosift_gymnasium::check::{self, Checked, Recorded, Replayed, SLOW};
+use demosift_gymnasium::check::{self, Checked, Recorded, SLOW};
+use demosift_gymnasium::replay::{Replayed, Starts};
 use demosift_gymnasium::task::GymnasiumTask;
 use demosift_gymnasium::trial::Repeats;
 use demosift_mujoco::check::{Finding, Severity, several};
@@ -20,7 +22,7 @@ use crate::job::demonstrations::{self, Opened};
 use crate::tables::{self, Scale, table, wrapped};
 use crate::task::simulator::Simulated;
 
-/// Demonstrations that are played again from their seed.
+/// Demonstrations that are played again from where they began.
 const MOST_REPLAYED: usize = 10;
 /// The share of numbers beyond the bounds from which on they are in another unit, as for tasks of demosift. Of actions of
 /// people, which their environment clipped, it is 6 % in the public set of a door.
@@ -73,8 +75,14 @@ fn compare(task: &GymnasiumTask, data: &Path, how: &SetArguments) -> Result<Reco
     let Opened { source, path, .. } = demonstrations::open_unchecked(Some(data), how, None)?;
     let set = source.set_of_any_size().map_err(|error| error.at(&path))?;
     demonstrations::say_what_is_not_read(&source);
-    let seeds = minari::seeds(&path, &source)?;
-    check::compare(task, &set, &seeds, MOST_REPLAYED).map_err(|error| match error.is_bad_input() {
+    let starts = match source.format {
+        Format::Robomimic if task.is_put() => {
+            let read = robomimic::read_states(&path, &source, MOST_REPLAYED);
+            Starts::States(read.map_err(|error| error.at(&path))?)
+        }
+        _ => Starts::Seeds(minari::seeds(&path, &source)?),
+    };
+    check::compare(task, &set, &starts, MOST_REPLAYED).map_err(|error| match error.is_bad_input() {
         true => error.at(&path),
         false => error,
     })
@@ -94,7 +102,7 @@ fn summary(simulated: &Simulated) -> String {
         ("observation", format!("{observation_size} numbers: {}", parts.join(", "))),
         ("action", actions(task.units().bounds())),
         ("info", if task.info().is_empty() { "no numbers".to_owned() } else { task.info().join(", ") }),
-        ("heuristic", format!("{}; higher is better", simulator.heuristic)),
+        ("heuristic", format!("{}; higher is better", task.heuristic_name())),
         ("success", success.to_owned()),
     ];
     let lines = rows.iter().map(|(what, words)| tables::hanging(&format!("  {what:<12}   "), words));
@@ -147,18 +155,35 @@ fn replays(task: &GymnasiumTask, recorded: &Recorded) -> String {
         return String::new();
     }
     let scale = Scale::of(recorded.replayed.iter().map(|one| one.score), "");
+    let has_states = of_states(recorded);
     let row = |one: &Replayed| {
-        vec![
+        let mut cells = vec![
             one.demo.to_string(),
             format!("{} of {}", one.steps, one.recorded_steps),
             scale.plain(one.score),
             format!("{:.1e}", one.drift),
             one.left_at.map_or_else(|| "never".to_owned(), |step| format!("step {step}")),
-        ]
+        ];
+        cells.extend(one.state_drift.map(|drift| format!("{drift:.1e}")));
+        cells
     };
     let rows: Vec<Vec<String>> = recorded.replayed.iter().map(row).collect();
-    let header = ["demonstration", "steps", task.heuristic_words(), "drift", "leaves"];
-    format!("\nThe demonstrations, played again from their recorded seed:\n\n{}", table(&header, &rows))
+    let heuristic = task.heuristic_name();
+    let mut header = vec!["demonstration", "steps", heuristic.as_str(), "drift", "leaves"];
+    if has_states {
+        header.push("drift of states");
+    }
+    let from = began(recorded);
+    format!("\nThe demonstrations, played again from {from}:\n\n{}", table(&header, &rows))
+}
+
+/// Whether demonstrations were played again from recorded states.
+fn of_states(recorded: &Recorded) -> bool {
+    recorded.replayed.iter().any(|one| one.state_drift.is_some())
+}
+
+fn began(recorded: &Recorded) -> &'static str {
+    if of_states(recorded) { "the recorded state" } else { "the recorded seed" }
 }
 
 fn finding(severity: Severity, message: impl Into<String>, advice: Option<&str>) -> Finding {
@@ -206,7 +231,7 @@ fn of_environment(task: &GymnasiumTask, tried: &Checked) -> Vec<Finding> {
             Severity::Warning,
             format!(
                 "the heuristic '{}' is {least} in every episode of random actions",
-                task.heuristic_words()
+                task.heuristic_name()
             ),
             Some("a heuristic that tells poor from poorer is easier to improve"),
         ));
@@ -220,9 +245,10 @@ fn of_environment(task: &GymnasiumTask, tried: &Checked) -> Vec<Finding> {
 
 fn of_demonstrations(task: &GymnasiumTask, recorded: &Recorded) -> Vec<Finding> {
     let mut findings = vec![actions_fit(task, recorded)];
-    let worst = recorded.replayed.iter().map(|one| one.drift).fold(0.0, f64::max);
+    let drifts = recorded.replayed.iter().map(|one| one.drift.max(one.state_drift.unwrap_or(0.0)));
+    let worst = drifts.fold(0.0, f64::max);
     let whole = recorded.replayed.iter().all(|one| one.steps == one.recorded_steps);
-    let count = several(recorded.replayed.len(), "demonstration");
+    let (count, from) = (several(recorded.replayed.len(), "demonstration"), began(recorded));
     findings.push(match recorded.replayed.is_empty() {
         true => finding(
             Severity::Fine,
@@ -231,21 +257,33 @@ fn of_demonstrations(task: &GymnasiumTask, recorded: &Recorded) -> Vec<Finding> 
         ),
         false if whole && worst <= ROUNDING => finding(
             Severity::Fine,
-            format!("{count} played again from the recorded seed lead where they led when they were recorded"),
+            format!("{count} played again from {from} lead where they led when they were recorded"),
             None,
         ),
         false if whole => finding(
             Severity::Warning,
-            format!("{count} played again from the recorded seed go elsewhere, by {worst:.1e} at most"),
-            Some("another version of the simulator, or another environment; see which version recorded the set"),
+            format!("{count} played again from {from} go elsewhere, by {worst:.1e} at most"),
+            Some(&another_version(task)),
         ),
         false => finding(
             Severity::Error,
-            "a demonstration played again from its recorded seed ends before its actions do",
+            format!("a demonstration played again from {from} ends before its actions do"),
             Some("the set was recorded in another environment, or in another version of it"),
         ),
     });
     findings
+}
+
+/// Why a replay goes elsewhere, as far as that can be known.
+fn another_version(task: &GymnasiumTask) -> String {
+    let here = task.versions().get("robosuite");
+    match (task.source().recorded_in(), here) {
+        (Some(there), Some(here)) if there != *here => format!(
+            "the set was recorded in robosuite {there}, and the interpreter has {here}; name one that has {there} with --python PATH"
+        ),
+        _ => "another version of the simulator, or another environment; see which version recorded the set"
+            .to_owned(),
+    }
 }
 
 /// Whether recorded actions can be what the environment takes.

@@ -101,6 +101,11 @@ impl<'a> Named<'a> {
         Self { column, typed: column, part: None }
     }
 
+    /// Which of its numbers are meant: the first, and the one after the last, if not to the end; `None` for all.
+    pub(super) fn part(&self) -> Option<(usize, Option<usize>)> {
+        self.part
+    }
+
     /// The named numbers of each row of the column.
     ///
     /// # Errors

@@ -9,17 +9,21 @@
 //!
 //! Unless columns are named, an observation is every `obs/<k>` with two dimensions of floats, in alphabetical order; images
 //! have more dimensions and stay out.
-//! Rewards, dones and simulator states are never read.
+//! Rewards and dones are never read, and states of the simulator for a replay alone.
 
 use std::path::Path;
 
-use hdf5_pure::{AttrValue, DType, File, Group};
+use hdf5_pure::{DType, File, Group};
 
 use crate::basics::error::{Error, Result};
 use crate::data::demonstration::episode::{Columns, Episode, Format, Says, Source};
 use crate::data::demonstration::hdf5::{self, damaged, find_below, find_group};
 use crate::data::demonstration::listing::ColumnSeen;
 use crate::data::demonstration::named::{Named, listed};
+
+mod recording;
+
+pub use recording::{NamedEnvironment, Observed, Recording, environment, read_states};
 
 const OBSERVATIONS: &str = "obs/";
 const NEXT_OBSERVATIONS: &str = "next_obs/";
@@ -69,14 +73,8 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
 
 /// Steps a second, where the description of the environment tells it; robosuite calls it `control_freq`.
 fn rate(data: &Group) -> Option<f64> {
-    let attributes = data.attrs().ok()?;
-    let text = match attributes.get("env_args")? {
-        AttrValue::String(text) | AttrValue::AsciiString(text) => text,
-        AttrValue::VarLenString(text) | AttrValue::VarLenAsciiString(text) => text,
-        AttrValue::StringSized { value, .. } | AttrValue::AsciiStringSized { value, .. } => value,
-        _ => return None,
-    };
-    let arguments: serde_json::Value = serde_json::from_str(text).ok()?;
+    let text = recording::text(data, "env_args").ok()??;
+    let arguments: serde_json::Value = serde_json::from_str(&text).ok()?;
     arguments["env_kwargs"]["control_freq"].as_f64().filter(|rate| *rate > 0.0)
 }
 
