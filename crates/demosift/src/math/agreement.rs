@@ -56,22 +56,36 @@ pub fn hit_rate(ours: &[f64], reference: &[f64], k: usize) -> f64 {
 
 /// How much of each value is among the K highest: 1, 0, or a share in the places for which it is tied.
 fn membership(values: &[f64], k: usize) -> Vec<f64> {
-    let of = |value: &f64| {
-        let above = values.iter().filter(|other| *other > value).count();
-        let tied = values.iter().filter(|other| *other == value).count();
-        (k.saturating_sub(above) as f64 / tied as f64).min(1.0)
+    let of = |Place { below, equal }: Place| {
+        let above = values.len() - below - equal;
+        (k.saturating_sub(above) as f64 / equal as f64).min(1.0)
     };
-    values.iter().map(of).collect()
+    places(values).into_iter().map(of).collect()
 }
 
 /// The rank of each value from 1, the lowest, ties sharing their mean rank.
 pub fn ranks(values: &[f64]) -> Vec<f64> {
-    let mean_rank = |value: &f64| {
-        let below = values.iter().filter(|other| *other < value).count();
-        let equal = values.iter().filter(|other| *other == value).count();
-        below as f64 + (equal as f64 + 1.0) / 2.0
-    };
-    values.iter().map(mean_rank).collect()
+    let mean_rank = |Place { below, equal }: Place| below as f64 + (equal as f64 + 1.0) / 2.0;
+    places(values).into_iter().map(mean_rank).collect()
+}
+
+/// How many of the values are lower than one of them, and how many the same, itself among them.
+#[derive(Clone, Copy, Debug, Default)]
+struct Place {
+    below: usize,
+    equal: usize,
+}
+
+/// In time proportional to n log n; nothing is lower than NaN or the same.
+fn places(values: &[f64]) -> Vec<Place> {
+    let mut ascending: Vec<usize> = (0..values.len()).filter(|&at| !values[at].is_nan()).collect();
+    ascending.sort_unstable_by(|&one, &other| values[one].total_cmp(&values[other]));
+    let (mut places, mut below) = (vec![Place::default(); values.len()], 0);
+    for alike in ascending.chunk_by(|&one, &other| values[one] == values[other]) {
+        alike.iter().for_each(|&at| places[at] = Place { below, equal: alike.len() });
+        below += alike.len();
+    }
+    places
 }
 
 fn pearson(left: &[f64], right: &[f64]) -> f64 {
@@ -114,6 +128,20 @@ mod tests {
     }
 
     const KENDALL: [f64; 3] = [-0.1111111111111111, 0.3299831645537222, 0.6076436202501999];
+
+    /// The definition, pair by pair, with ties, zeros of both signs and what is no number.
+    #[test]
+    fn places_are_counted_as_defined() {
+        let values =
+            [2.0, -0.0, 1.0, 0.0, f64::NAN, 2.0, f64::INFINITY, -3.0, 2.0, f64::NAN, f64::NEG_INFINITY];
+        for (value, place) in values.iter().zip(places(&values)) {
+            let count =
+                |is_it: fn(f64, f64) -> bool| values.iter().filter(|other| is_it(**other, *value)).count();
+            assert_eq!(place.below, count(|other, value| other < value), "below {value}");
+            assert_eq!(place.equal, count(|other, value| other == value), "as {value}");
+        }
+        assert_eq!(ranks(&[3.0, 1.0, 3.0, 2.0]), [3.5, 1.0, 3.5, 2.0]);
+    }
 
     /// Every way to order the values of a tie, by brute force.
     #[test]
