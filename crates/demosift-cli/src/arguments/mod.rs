@@ -246,7 +246,7 @@ pub(crate) struct RunArguments {
     /// Threads to play on; the results do not depend on it [default: all processors]
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<usize>,
-    /// Compute the same bits on every x86-64 processor of 2013 or later (docs/cluster.md); a run keeps to it
+    /// Compute the same bits on every x86-64 processor with AVX2 and FMA (docs/cluster.md); a run keeps to it
     #[arg(long)]
     pub(crate) portable: bool,
     /// Print the results as JSON

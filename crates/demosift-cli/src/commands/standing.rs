@@ -12,7 +12,7 @@ use demosift::run::experiment;
 use demosift::run::forecast::Goal;
 use demosift::stages::judge::{Judged, ScoreTable};
 use demosift::stages::method::{Account, Costs, Spent};
-use demosift::stages::select::Subset;
+use demosift::stages::select::{self, Subset};
 use demosift::world::environment::EnvVariant;
 
 use super::{dry_run, kept_in};
@@ -99,7 +99,7 @@ fn standings(given: &GivenPrior, job: &Job, judge: Judge, new: &ScoreTable) -> R
     let under = |(index, goal): (usize, &String)| {
         let variant = EnvVariant(index);
         let earlier = earlier.under(variant);
-        let kept = standing::kept_of_judged(kept, &by_all.under(variant), &earlier);
+        let kept = select::rank_under(&by_all, variant).of_first(kept, &earlier.demos());
         let earlier = Earlier { scores: &earlier, keep, kept };
         let standings = standing::standings(&earlier, &new.under(variant), &seed)?;
         Ok(Found { judge, goal: several.then(|| goal.clone()), standings, kept })

@@ -6,7 +6,7 @@
 //! Portable arithmetic takes these in eight lanes everywhere.
 //!
 //! The logarithm, the exponential and the trigonometry of the physics are those of the C library, which is the same to the bit
-//! for all processors with fused multiplication (x86-64-v3, from 2013 on) if it is of the same version.
+//! for all processors with AVX2 and fused multiplication (x86-64-v3) if it is of the same version.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum Arithmetic {
-    /// The same on all x86-64 processors with fused multiplication.
+    /// The same on all x86-64 processors with AVX2 and fused multiplication.
     #[serde(rename = "portable")]
     Portable,
     /// The fastest where there is AVX-512.

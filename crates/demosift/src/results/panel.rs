@@ -8,7 +8,7 @@
 //! Of a large set the second may have judged only those near the cut of the first: it then decides nothing, and says which of
 //! these it would put above the cut.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use rand::seq::SliceRandom as _;
 use serde::{Deserialize, Serialize};
@@ -155,7 +155,7 @@ impl Panel {
 
     /// How many of those that a judge judged are among the first K of the one that decides: so many it would put there too.
     pub fn places_above(&self, opinion: &Opinion, k: usize) -> usize {
-        places_above(self.deciding(), opinion, k)
+        self.deciding().ranking.of_first(k, &opinion.ranking.demos())
     }
 
     /// Those whose order is not taken.
@@ -272,16 +272,11 @@ fn agreement(one: &Opinion, other: &Opinion) -> Option<f64> {
     Some(agreement::spearman(&one, &other)).filter(|agreement| agreement.is_finite())
 }
 
-fn places_above(first: &Opinion, other: &Opinion, k: usize) -> usize {
-    let judged: BTreeSet<DemoId> = other.ranking.entries.iter().map(|entry| entry.demo).collect();
-    first.ranking.entries.iter().take(k).filter(|entry| judged.contains(&entry.demo)).count()
-}
-
 /// Of a judge that judged some, K is how many of these are among the first K of the one before it.
 fn disagreements(opinions: [&Opinion; 2], k: usize) -> Vec<Disagreement> {
     let level = opinions[0].uncertainty.level;
     let chances = |opinion: &Opinion| -> BTreeMap<DemoId, Option<f64>> {
-        let k = places_above(opinions[0], opinion, k);
+        let k = opinions[0].ranking.of_first(k, &opinion.ranking.demos());
         opinion.uncertainty.demonstrations.iter().map(|doubt| (doubt.demo, doubt.top.at(k))).collect()
     };
     let chances = opinions.map(chances);

@@ -47,13 +47,6 @@ pub struct Earlier<'a> {
     pub kept: usize,
 }
 
-/// How many of those that a judge judged are among the best `kept` by a judge of all: so many it keeps of them.
-pub fn kept_of_judged(kept: usize, by_judge_of_all: &ScoreTable, judged: &ScoreTable) -> usize {
-    let judged = judged.demos();
-    let best = select::rank(by_judge_of_all).entries.into_iter().take(kept);
-    best.filter(|entry| judged.binary_search(&entry.demo).is_ok()).count()
-}
-
 /// Where each of the new demonstrations stands, each by itself beside the earlier ones; in the order of the new set.
 ///
 /// # Errors
@@ -109,15 +102,6 @@ mod tests {
         ScoreTable {
             suitabilities: after.iter().enumerate().map(|(demo, &after)| found(demo, after)).collect(),
         }
-    }
-
-    #[test]
-    fn a_judge_of_some_keeps_as_many_of_them_as_the_judge_of_all() {
-        let all = table(&[5.0, 4.0, 3.0, 2.0, 1.0]);
-        let mut some = table(&[1.0, 2.0, 3.0, 4.0, 5.0]);
-        assert_eq!(kept_of_judged(3, &all, &some), 3);
-        some.suitabilities.retain(|of| [2, 3].contains(&of.demo.0));
-        assert_eq!(kept_of_judged(3, &all, &some), 1);
     }
 
     #[test]

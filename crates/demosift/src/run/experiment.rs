@@ -113,7 +113,7 @@ pub struct Config {
     /// to those near that cut.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub judged_for: Option<Keep>,
-    /// Whether the process computes the same bits on every x86-64 processor of 2013 or later; who begins the process has it do so
+    /// Whether the process computes the same bits on every x86-64 processor with AVX2 and FMA; who begins the process has it do so
     /// ([`crate::math::arithmetic::make_portable`]).
     #[serde(default)]
     pub portable: bool,

@@ -1,6 +1,6 @@
 //! Selecting demonstrations (§4.3 Eq. 9, §4.4, §5.2): a ranking by suitability, and its top K.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
@@ -27,6 +27,17 @@ impl Ranking {
         let mut places = vec![0; by_id.len()];
         by_id.into_iter().enumerate().for_each(|(place, rank)| places[rank] = place);
         places
+    }
+
+    /// How many of the first K are among these: a judge of a part of the set keeps as many of its own.
+    pub fn of_first(&self, k: usize, among: &[DemoId]) -> usize {
+        let among: BTreeSet<&DemoId> = among.iter().collect();
+        self.entries.iter().take(k).filter(|entry| among.contains(&entry.demo)).count()
+    }
+
+    /// The demonstrations, the most suitable first.
+    pub fn demos(&self) -> Vec<DemoId> {
+        self.entries.iter().map(|entry| entry.demo).collect()
     }
 
     /// Numbers in the order of the set, in that of the ranking.
@@ -215,6 +226,14 @@ pub fn top_k(ranking: &Ranking, k: usize) -> Result<Subset> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_judge_of_some_keeps_as_many_of_them_as_the_judge_of_all() {
+        let ranking = rank(&table(&[(0, 0, 5.0), (0, 1, 4.0), (0, 2, 3.0), (0, 3, 2.0), (0, 4, 1.0)]));
+        assert_eq!(ranking.of_first(3, &ranking.demos()), 3);
+        assert_eq!(ranking.of_first(3, &[DemoId(2), DemoId(3)]), 1);
+        assert_eq!(ranking.of_first(0, &[DemoId(2)]), 0);
+    }
     use crate::stages::judge::Suitability;
 
     fn table(scores: &[(usize, usize, f64)]) -> ScoreTable {

@@ -39,8 +39,7 @@ fn is_asked_near_the_cut(config: &Config, judge: Judge) -> bool {
 /// So many that stand nearest to the cut of the judge by cloning.
 pub(super) fn near(by_cloning: &ScoreTable, cut: usize, count: usize) -> Judged {
     let demos = nearest(&by_goal(by_cloning), cut, count);
-    let best = select::rank(by_cloning).entries.into_iter().take(cut);
-    let cut = best.filter(|entry| demos.binary_search(&entry.demo).is_ok()).count();
+    let cut = select::rank(by_cloning).of_first(cut, &demos);
     Judged { demos, cut }
 }
 
