@@ -339,6 +339,11 @@ fn each_mistake_of_a_user_is_told() {
             "cloning_update = 4",
             vec!["there is no key imitate.cloning_update (from training.values)"],
         ),
+        (
+            "judges = \"paper\"",
+            "judges = \"both\"",
+            vec!["the method 'paper'", "judges = both, and a method asks one"],
+        ),
         ("rule = \"ranks\"\n", "\n", vec!["the method 'mean of ranks' has one of rule and of"]),
         (
             "\"cloning\"]\n[training",

@@ -13,7 +13,7 @@ use demosift::data::likeness::Likeness;
 use demosift::math::arithmetic::Arithmetic;
 use demosift::results::data_only::Column;
 use demosift::results::gain::Gain;
-use demosift::results::panel::{self, Disagreement, Opinion, Panel, Vote};
+use demosift::results::panel::{self, Disagreement, Opinion, Panel, Together, Vote};
 use demosift::results::report::Report;
 use demosift::results::standing::Standing;
 use demosift::results::uncertainty::{Top, Uncertainty};
@@ -150,17 +150,17 @@ impl<'a> BesideRanking<'a> {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Standings<'a> {
     pub(crate) prior: &'a Path,
-    pub(crate) decides: Option<panel::Judge>,
+    pub(crate) decides: Option<panel::Judges>,
     pub(crate) judges: Vec<StandingsOfJudge<'a>>,
     pub(crate) likeness: Option<&'a [Likeness]>,
     pub(crate) costs: Spending,
 }
 
-/// Where new demonstrations stand by one judge under one goal.
+/// Where new demonstrations stand under one goal by one judge, or by both together.
 #[derive(Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct StandingsOfJudge<'a> {
-    judge: panel::Judge,
+    judge: panel::Judges,
     goal: Option<&'a str>,
     kept_by_run: usize,
     standings: &'a [Standing],
@@ -168,8 +168,8 @@ pub(crate) struct StandingsOfJudge<'a> {
 
 impl<'a> StandingsOfJudge<'a> {
     pub(crate) fn new(found: &'a Found) -> Self {
-        let Found { judge, goal, standings, kept } = found;
-        Self { judge: *judge, goal: goal.as_deref(), kept_by_run: *kept, standings }
+        let Found { judges, goal, standings, kept } = found;
+        Self { judge: *judges, goal: goal.as_deref(), kept_by_run: *kept, standings }
     }
 }
 
@@ -178,7 +178,8 @@ impl<'a> StandingsOfJudge<'a> {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct Judge<'a> {
     pub(crate) judges: Vec<OfJudge<'a>>,
-    pub(crate) decides: panel::Judge,
+    pub(crate) decides: panel::Judges,
+    pub(crate) together: Option<&'a Together>,
     pub(crate) agreement: Option<f64>,
     pub(crate) disagreements: &'a [Disagreement],
     #[serde(flatten)]

@@ -140,7 +140,7 @@ pub(crate) struct JobArguments {
     #[arg(long, value_name = "NAME")]
     pub(crate) variant: Option<String>,
     /// Who judges: an agent that clones each demonstration, in seconds; the paper's, which learns to imitate first; or both,
-    /// and the first whose repeats agree decides [default: both]
+    /// and the mean of their gains decides, of those whose repeats agree [default: both]
     #[arg(long, value_enum)]
     pub(crate) judge: Option<JudgesName>,
     /// How many final policies are trained on what was kept, on the whole set and on random subsets, to say whether

@@ -50,7 +50,10 @@ pub(super) fn each(
     }
     let panel = judge::first_then_all(job, arguments.json)?;
     if !arguments.json {
-        let scores = job.run(|run| experiment::scores(run, panel.decides))?;
+        let scores = job.run(|run| {
+            let deciding = panel.decides.each().iter();
+            deciding.map(|judge| experiment::scores(run, *judge)).collect::<Result<Vec<_>>>()
+        })?;
         terminal::show(&by_variant::gains(&scores, &goals, job.unit()));
     }
     let mut found = Vec::new();

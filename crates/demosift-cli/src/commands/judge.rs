@@ -1,9 +1,10 @@
 //! `demosift judge`: MetaPrior → ScoreTable.
 
 use demosift::Result;
-use demosift::results::panel::{Judge, Opinion, Panel};
+use demosift::results::panel::{Judge, Judges, Order, Panel};
 use demosift::run::experiment;
 use demosift::run::forecast::Goal;
+use demosift::stages::judge::ScoreTable;
 
 use super::{dry_run, kept_in, part, standing};
 use crate::answers::{self, OfRun};
@@ -32,7 +33,7 @@ pub(crate) fn run(arguments: &JudgeArguments) -> Result<()> {
         Ok((tables.collect::<Result<Vec<_>>>()?, experiment::data_only(run)?))
     })?;
     let costs = job.costs()?;
-    let (Opinion { ranking, uncertainty, .. }, beside) = (panel.deciding(), job.beside(data_only));
+    let (Order { ranking, uncertainty }, beside) = (panel.deciding(), job.beside(data_only));
     let found = || panel.opinions.iter().zip(&tables);
     if arguments.run.json {
         let answer = answers::Judge {
@@ -42,6 +43,7 @@ pub(crate) fn run(arguments: &JudgeArguments) -> Result<()> {
                 })
                 .collect(),
             decides: panel.decides,
+            together: panel.together.as_ref(),
             agreement: panel.agreement,
             disagreements: &panel.disagreements,
             columns: answers::Columns::new(ranking, &beside),
@@ -54,8 +56,11 @@ pub(crate) fn run(arguments: &JudgeArguments) -> Result<()> {
     if !is_shown_already(&panel) {
         terminal::show(&judgment::ranking(&judgment, None));
     }
-    for (opinion, scores) in found().filter(|(opinion, _)| opinion.judge == panel.decides) {
-        terminal::show(&by_variant::gains(scores, job.variants(), job.unit()));
+    let deciding: Vec<_> =
+        found().filter(|(opinion, _)| panel.decides.each().contains(&opinion.judge)).collect();
+    let scores: Vec<ScoreTable> = deciding.iter().map(|(_, scores)| (*scores).clone()).collect();
+    terminal::show(&by_variant::gains(&scores, job.variants(), job.unit()));
+    for (opinion, scores) in deciding {
         terminal::show(&judgment::distance(scores, opinion.judge));
     }
     terminal::show(&tables::panel::judges(&panel, job.unit()));
@@ -79,7 +84,7 @@ fn share(job: &mut Job, json: bool) -> Result<()> {
 
 /// Whether [`first_then_all`] has shown the ranking that decides.
 pub(super) fn is_shown_already(panel: &Panel) -> bool {
-    panel.opinions.len() > 1 && panel.decides == Judge::Cloning
+    panel.opinions.len() > 1 && panel.decides == Judges::Cloning
 }
 
 /// What all judges say; the table of the one that is done within seconds stands on the screen before the others begin.

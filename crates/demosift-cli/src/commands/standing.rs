@@ -6,8 +6,8 @@ use demosift::Result;
 use demosift::basics::seed::Seed;
 use demosift::data::likeness::{Likeness, TrainedOn};
 use demosift::results::artifact::Artifact as _;
-use demosift::results::panel::{Judge, Panel};
-use demosift::results::standing::{self, Earlier};
+use demosift::results::panel::{Judge, Judges, Panel};
+use demosift::results::standing::{self, Beside, Kept};
 use demosift::run::experiment;
 use demosift::run::forecast::Goal;
 use demosift::stages::judge::{Judged, ScoreTable};
@@ -35,16 +35,26 @@ pub(super) fn run(arguments: &JobArguments, prior: &Path) -> Result<()> {
         terminal::show(&tables::likeness(&job.set().ids(), likeness.as_deref()));
     }
     let judges = job.run(|run| Ok(run.config.judges.each()))?;
+    let mut judged = Vec::new();
     let mut found = Vec::new();
     for &judge in judges {
-        let scores = job.run(|run| experiment::scores(run, judge))?;
-        let of_judge = standings(&given, &job, judge, &scores)?;
+        let new = job.run(|run| experiment::scores(run, judge))?;
+        let of_judge = OfJudge::of(&given, judge, new)?;
+        let standings = standings(&given, &job, std::slice::from_ref(&of_judge), judge.into())?;
         if !arguments.run.json {
-            terminal::show(&tables::of_judge(judge, &scores, &of_judge, job.unit()));
+            terminal::show(&tables::of_judge(judge, &of_judge.new, &standings, job.unit()));
         }
-        found.extend(of_judge);
+        judged.push(of_judge);
+        found.extend(standings);
     }
     let decides = Panel::recall(&given.folder, "")?.map(|panel| panel.decides);
+    if decides == Some(Judges::Both) && judged.len() > 1 {
+        let together = standings(&given, &job, &judged, Judges::Both)?;
+        if !arguments.run.json {
+            terminal::show(&tables::together(&together, job.unit()));
+        }
+        found.extend(together);
+    }
     let costs = job.costs()?;
     if arguments.run.json {
         let answer = answers::Standings {
@@ -81,16 +91,30 @@ fn likeness(given: &GivenPrior, job: &Job) -> Result<Option<Vec<Likeness>>> {
     }))
 }
 
-/// Where each new demonstration stands, under each goal; nothing where the earlier run has no scores by this judge.
-fn standings(given: &GivenPrior, job: &Job, judge: Judge, new: &ScoreTable) -> Result<Vec<Found>> {
-    let Some(Judged { scores: earlier, .. }) = Judged::recall(&given.folder, judge.name())? else {
-        return Ok(Vec::new());
-    };
+/// What one judge found of the new demonstrations, and of those of the earlier run.
+struct OfJudge {
+    new: ScoreTable,
+    /// `None` where the earlier run has no scores by this judge.
+    earlier: Option<ScoreTable>,
+    seed: Seed,
+}
+
+impl OfJudge {
+    fn of(given: &GivenPrior, judge: Judge, new: ScoreTable) -> Result<Self> {
+        let earlier = Judged::recall(&given.folder, judge.name())?.map(|judged| judged.scores);
+        Ok(Self { new, earlier, seed: Seed::new(given.config.seed).of(judge.name()) })
+    }
+}
+
+/// Where each new demonstration stands by these judges together, under each goal; nothing where the earlier run has no scores
+/// by one of them.
+fn standings(given: &GivenPrior, job: &Job, of: &[OfJudge], judges: Judges) -> Result<Vec<Found>> {
+    let earlier: Option<Vec<&ScoreTable>> = of.iter().map(|of| of.earlier.as_ref()).collect();
+    let Some(earlier) = earlier.filter(|earlier| !earlier.is_empty()) else { return Ok(Vec::new()) };
     // The judge of the paper may have judged those near the cut of the judge by cloning, which judges all.
     let by_all = Judged::recall(&given.folder, Judge::Cloning.name())?;
-    let by_all = by_all.map_or_else(|| earlier.clone(), |judged| judged.scores);
+    let by_all = by_all.map_or_else(|| earlier[0].clone(), |judged| judged.scores);
     let keep = given.config.keep;
-    let seed = Seed::new(given.config.seed).of(judge.name());
     let several = job.variants().len() > 1;
     let kept = match Subset::recall(&given.folder, "")? {
         Some(subset) if !several => subset.demos.len(),
@@ -98,11 +122,17 @@ fn standings(given: &GivenPrior, job: &Job, judge: Judge, new: &ScoreTable) -> R
     };
     let under = |(index, goal): (usize, &String)| {
         let variant = EnvVariant(index);
-        let earlier = earlier.under(variant);
-        let kept = select::rank_under(&by_all, variant).of_first(kept, &earlier.demos());
-        let earlier = Earlier { scores: &earlier, keep, kept };
-        let standings = standing::standings(&earlier, &new.under(variant), &seed)?;
-        Ok(Found { judge, goal: several.then(|| goal.clone()), standings, kept })
+        let under = |tables: &[&ScoreTable]| -> Vec<ScoreTable> {
+            tables.iter().map(|table| table.under(variant)).collect()
+        };
+        let new: Vec<&ScoreTable> = of.iter().map(|of| &of.new).collect();
+        let (earlier, new) = (under(&earlier), under(&new));
+        let count = select::rank_under(&by_all, variant).of_first(kept, &earlier[0].demos());
+        let tables = earlier.iter().zip(&new).zip(of);
+        let by_judge: Vec<Beside<'_>> =
+            tables.map(|((earlier, new), of)| Beside { earlier, new, seed: &of.seed }).collect();
+        let standings = standing::standings(&by_judge, Kept { keep, count })?;
+        Ok(Found { judges, goal: several.then(|| goal.clone()), standings, kept: count })
     };
     job.variants().iter().enumerate().map(under).collect()
 }

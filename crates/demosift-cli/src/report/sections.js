@@ -140,12 +140,13 @@ function judges() {
     el("td", { class: "left" }, `${entry.demo}`), entry.by_judge.flatMap(cells),
     el("td", { class: "left" }, disputed.has(entry.demo) ? el("span", { class: "tag" }, "disputed") : "")));
   const heads = judges.flatMap((one) => [el("th", {}, `place by ${one.judge}`), el("th", {}, inUnit("gain")), el("th", { class: "left wide" }, `${percent(report.level)} interval`)]);
-  const decider = judges.find((one) => one.decides);
-  for (const one of judges.filter((one) => one.judged < decider.judged))
-    said.unshift(`Of the ${decider.judged} demonstrations ${JUDGES[one.judge]} judged the ${one.judged} nearest to the cut, and its places are among these.`);
+  const deciders = judges.filter((one) => one.decides);
+  const order = deciders.length > 1 ? "by the mean of both gains" : `that of ${JUDGES[deciders[0].judge]}`;
+  for (const one of judges.filter((one) => one.judged < entries.length))
+    said.unshift(`Of the ${entries.length} demonstrations ${JUDGES[one.judge]} judged the ${one.judged} nearest to the cut, and its places are among these.`);
   into("judges",
     el("h2", {}, judges.length > 1 ? "What each judge says" : "The judge"),
-    judges.length > 1 ? el("p", { class: "soft" }, `The order is that of ${JUDGES[decider.judge]}. Rank correlation between the two judges: ${correlation(agreement)}; of each with itself, from one repeat to the others: ${judges.map((one) => `${JUDGES[one.judge]} ${correlation(one.agrees_with_itself)}`).join(", ")}.`) : null,
+    judges.length > 1 ? el("p", { class: "soft" }, `The order is ${order}. Rank correlation between the two judges: ${correlation(agreement)}; of each with itself, from one repeat to the others: ${judges.map((one) => `${JUDGES[one.judge]} ${correlation(one.agrees_with_itself)}`).join(", ")}.`) : null,
     said.map((text) => el("p", { class: "small" }, text)),
     judges.length > 1 ? el("div", { class: "scroll" }, el("table", {},
       el("thead", {}, el("tr", {}, el("th", { class: "left" }, "demonstration"), heads, el("th", {}))), el("tbody", {}, rows))) : null);

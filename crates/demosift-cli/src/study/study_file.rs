@@ -8,6 +8,7 @@ use demosift::basics::files;
 use demosift::data::demonstration::DemonstrationSet;
 use demosift::data::demonstration::episode::Columns;
 use demosift::data::demonstration::open;
+use demosift::results::panel::Judges;
 use demosift::results::recording::Origin;
 use demosift::run::experiment::{self, Config};
 use demosift::run::preset::Preset;
@@ -415,6 +416,11 @@ fn configurations(set: &DemonstrationSet, chosen: &Chosen, file: &File) -> Resul
         let values = method.values.clone().unwrap_or_default();
         let own = Layer { source: format!("the values of '{}'", method.name), values };
         let config = configuration(chosen, preset(method.preset.as_ref(), file)?, &[common, own])?;
+        if config.judges == Judges::Both {
+            return Err(Error::bad_config(
+                "judges = both, and a method asks one: cloning or paper; a method with a rule combines others",
+            ));
+        }
         experiment::check(set, chosen.task.specification(), &config)?;
         experiment::check_budget(set, &Playground::new(chosen.task.as_ref()), &config)?;
         Ok((method.name.clone(), config))

@@ -1,7 +1,7 @@
 //! The judges beside each other: what each says, how well they agree, and whose order is taken.
 
 use demosift::data::demonstration::DemoId;
-use demosift::results::panel::{Disagreement, Judge, Opinion, Panel, Vote};
+use demosift::results::panel::{Disagreement, Judge, Judges, Opinion, Panel, Vote};
 
 use super::{Scale, list, percent, table, wrapped};
 
@@ -67,10 +67,13 @@ fn taken(panel: &Panel) -> String {
         .iter()
         .map(|opinion| format!("{} {}", in_words(opinion.judge), correlation(opinion.agrees_with_itself)))
         .collect();
+    let order = match panel.decides {
+        Judges::Both => "The order is by the mean of both gains".to_owned(),
+        one => format!("The order is that of {}", in_words(one)),
+    };
     format!(
-        "The order is that of {}. Rank correlation between the two judges: {}; of each with itself, from one repeat to \
+        "{order}. Rank correlation between the two judges: {}; of each with itself, from one repeat to \
          the others: {}.",
-        in_words(panel.decides),
         correlation(panel.agreement),
         own.join(", ")
     )
@@ -80,7 +83,7 @@ fn taken(panel: &Panel) -> String {
 fn near(panel: &Panel, opinion: &Opinion) -> String {
     format!(
         "Of the {} demonstrations {} judged the {} nearest to the cut, and its places are among these.",
-        panel.deciding().judged(),
+        panel.judged(),
         in_words(opinion.judge),
         opinion.judged()
     )
@@ -127,10 +130,11 @@ fn disagreement(all: &[Disagreement], judge: Judge) -> Option<String> {
     })
 }
 
-/// A judge in words.
-pub(crate) fn in_words(judge: Judge) -> &'static str {
-    match judge {
-        Judge::Cloning => "the judge by cloning",
-        Judge::Paper => "the judge of the paper",
+/// Judges in words.
+pub(crate) fn in_words(judges: impl Into<Judges>) -> &'static str {
+    match judges.into() {
+        Judges::Cloning => "the judge by cloning",
+        Judges::Paper => "the judge of the paper",
+        Judges::Both => "both judges together",
     }
 }

@@ -2,16 +2,16 @@
 
 use demosift::data::demonstration::DemoId;
 use demosift::data::likeness::Likeness;
-use demosift::results::panel::Judge;
+use demosift::results::panel::{Judge, Judges};
 use demosift::results::standing::Standing;
 use demosift::stages::judge::ScoreTable;
 use demosift::stages::method::Account;
 
 use super::{Scale, list, percent, table, wrapped};
 
-/// What one judge says of the new demonstrations under one goal.
+/// What one judge, or both together, say of the new demonstrations under one goal.
 pub(crate) struct Found {
-    pub(crate) judge: Judge,
+    pub(crate) judges: Judges,
     /// The goal, where the task has several.
     pub(crate) goal: Option<String>,
     pub(crate) standings: Vec<Standing>,
@@ -60,6 +60,11 @@ pub(crate) fn of_judge(judge: Judge, scores: &ScoreTable, found: &[Found], unit:
     found.iter().map(|found| places(judge, found, unit)).collect()
 }
 
+/// The places by the mean of both gains, a table for each goal.
+pub(crate) fn together(found: &[Found], unit: &str) -> String {
+    found.iter().map(|found| places(super::panel::in_words(found.judges), found, unit)).collect()
+}
+
 fn places(judge: &str, found: &Found, unit: &str) -> String {
     let Found { goal, standings, kept, .. } = found;
     let scale = Scale::of(standings.iter().flat_map(|of| [of.low, of.high]), unit);
@@ -87,10 +92,13 @@ fn places(judge: &str, found: &Found, unit: &str) -> String {
 }
 
 /// Whose word counts.
-pub(crate) fn decides(decides: Option<Judge>, found: &[Found]) -> String {
+pub(crate) fn decides(decides: Option<Judges>, found: &[Found]) -> String {
     match decides {
-        Some(judge) if found.iter().any(|found| found.judge != judge) => {
-            format!("{}\n", wrapped(&format!("In that run {} decides.", super::panel::in_words(judge))))
+        Some(Judges::Both) => {
+            format!("{}\n", wrapped("In that run both judges decide, by the mean of their gains."))
+        }
+        Some(one) if found.iter().any(|found| found.judges != one) => {
+            format!("{}\n", wrapped(&format!("In that run {} decides.", super::panel::in_words(one))))
         }
         _ => String::new(),
     }

@@ -40,7 +40,7 @@ use crate::world::policy::Policy;
 /// the set and not with its square, 3 since each file contains its checksum.
 ///
 /// It is the version of JSON and of checkpoints, and so of a run folder.
-pub const FORMAT_VERSION: u32 = 5;
+pub const FORMAT_VERSION: u32 = 6;
 
 /// The same for tensors, whose layout has not changed, so that policies of earlier runs can still be played.
 const TENSORS_VERSION: u32 = 1;

@@ -4,7 +4,7 @@
 //! adapts meta-learned parameters (§4).
 //! A judge whose repeats agree no better than shuffled ones has no vote, nor has one under which no imitation surely made
 //! the agent better: what it says of this set is chance.
-//! The order is that of the first judge with a vote; `docs/design.md` says why it is not a mean of both.
+//! The order is that of the mean of both judges' gains (Eq. 8), or that of the one with a vote; `docs/design.md` says why.
 //! Of a large set the second may have judged only those near the cut of the first: it then decides nothing, and says which of
 //! these it would put above the cut.
 
@@ -18,7 +18,7 @@ use crate::basics::seed::Seed;
 use crate::data::demonstration::DemoId;
 use crate::math::agreement;
 use crate::math::statistics;
-use crate::results::uncertainty::{self, Resampling, Uncertainty};
+use crate::results::uncertainty::{self, Measured, Resampling, Uncertainty};
 use crate::stages::judge::ScoreTable;
 use crate::stages::select::{self, Ranking};
 
@@ -49,20 +49,30 @@ impl std::fmt::Display for Judge {
     }
 }
 
-/// Which judges are asked.
+/// Which judges are asked, or which of them decide.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Judges {
     /// Behavioral cloning alone.
     Cloning,
     /// The paper's alone.
     Paper,
-    /// Cloning first, then the paper's.
+    /// Cloning first, then the paper's; where both decide, the mean of their gains.
     Both,
 }
 
+impl From<Judge> for Judges {
+    fn from(judge: Judge) -> Self {
+        match judge {
+            Judge::Cloning => Self::Cloning,
+            Judge::Paper => Self::Paper,
+        }
+    }
+}
+
 impl Judges {
-    /// In the order in which they judge, and in which the first with a vote decides.
+    /// In the order in which they judge.
     pub fn each(self) -> &'static [Judge] {
         match self {
             Self::Cloning => &[Judge::Cloning],
@@ -120,12 +130,33 @@ pub struct Disagreement {
 pub struct Panel {
     /// One per judge, in the order in which they were asked.
     pub opinions: Vec<Opinion>,
-    /// Whose order is taken; it judged all.
-    pub decides: Judge,
+    /// Whose order is taken; each of them judged all.
+    pub decides: Judges,
+    /// The order by the mean of both judges' gains, where both decide.
+    pub together: Option<Together>,
     /// Spearman's rank correlation between the judges, where there are two, over those that both judged.
     pub agreement: Option<f64>,
     /// Where they clearly differ about the best K, in the order of the set.
     pub disagreements: Vec<Disagreement>,
+}
+
+/// What both judges say of a set as one: each gain is the mean of theirs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Together {
+    /// The order of all.
+    pub ranking: Ranking,
+    /// How sure they are.
+    pub uncertainty: Uncertainty,
+}
+
+/// An order of the set that is taken, and how sure it is.
+#[derive(Clone, Copy, Debug)]
+pub struct Order<'a> {
+    /// The order.
+    pub ranking: &'a Ranking,
+    /// How sure it is.
+    pub uncertainty: &'a Uncertainty,
 }
 
 /// What a judge found, to be weighed.
@@ -138,9 +169,13 @@ pub struct Found<'a> {
 }
 
 impl Panel {
-    /// The opinion that is taken.
-    pub fn deciding(&self) -> &Opinion {
-        self.of(self.decides).expect("who decides was asked")
+    /// The order that is taken.
+    pub fn deciding(&self) -> Order<'_> {
+        match (&self.together, self.decides) {
+            (Some(Together { ranking, uncertainty }), _) => Order { ranking, uncertainty },
+            (None, Judges::Paper) => self.of(Judge::Paper).expect("who decides was asked").order(),
+            (None, _) => self.opinions[0].order(),
+        }
     }
 
     /// The opinion of a judge, if it was asked.
@@ -148,23 +183,33 @@ impl Panel {
         self.opinions.iter().find(|opinion| opinion.judge == judge)
     }
 
-    /// Whether a judge that was asked judged all; one that did not judged those near the cut.
-    pub fn judged_all(&self, opinion: &Opinion) -> bool {
-        opinion.judged() == self.deciding().judged()
+    /// How many demonstrations the order that is taken holds: all.
+    pub fn judged(&self) -> usize {
+        self.deciding().ranking.entries.len()
     }
 
-    /// How many of those that a judge judged are among the first K of the one that decides: so many it would put there too.
+    /// Whether a judge that was asked judged all; one that did not judged those near the cut.
+    pub fn judged_all(&self, opinion: &Opinion) -> bool {
+        opinion.judged() == self.judged()
+    }
+
+    /// How many of those that a judge judged are among the first K of the order that is taken: so many it would put there too.
     pub fn places_above(&self, opinion: &Opinion, k: usize) -> usize {
         self.deciding().ranking.of_first(k, &opinion.ranking.demos())
     }
 
-    /// Those whose order is not taken.
+    /// Those whose order is not the one that is taken; where both decide, each of them.
     pub fn others(&self) -> impl Iterator<Item = &Opinion> {
-        self.opinions.iter().filter(|opinion| opinion.judge != self.decides)
+        self.opinions.iter().filter(|opinion| self.decides != opinion.judge.into())
     }
 }
 
 impl Opinion {
+    /// Its order, and how sure it is.
+    pub fn order(&self) -> Order<'_> {
+        Order { ranking: &self.ranking, uncertainty: &self.uncertainty }
+    }
+
     /// How many demonstrations it is about.
     pub fn judged(&self) -> usize {
         self.ranking.entries.len()
@@ -179,12 +224,17 @@ pub fn panel(found: &[Found<'_>], k: usize, seed: &Seed) -> Result<Panel> {
     let opinions = found.iter().map(|found| opinion(found, seed)).collect::<Result<Vec<_>>>()?;
     let first = opinions.first().ok_or_else(|| Error::bad_input("no judge was asked"))?;
     let may_decide = |opinion: &&Opinion| opinion.vote.counts() && opinion.judged() == first.judged();
-    let decides = opinions.iter().find(may_decide).unwrap_or(first).judge;
+    let may_decide: Vec<Judge> = opinions.iter().filter(may_decide).map(|opinion| opinion.judge).collect();
+    let (decides, together) = match may_decide.as_slice() {
+        [] => (first.judge.into(), None),
+        [one] => ((*one).into(), None),
+        _ => (Judges::Both, Some(together(found, seed)?)),
+    };
     let (agreement, disagreements) = match opinions.as_slice() {
         [one, other] => (agreement(one, other), disagreements([one, other], k)),
         _ => (None, Vec::new()),
     };
-    Ok(Panel { opinions, decides, agreement, disagreements })
+    Ok(Panel { opinions, decides, together, agreement, disagreements })
 }
 
 impl Vote {
@@ -194,10 +244,26 @@ impl Vote {
     }
 }
 
+/// The mean of the gains by each, drawn again from the same draws as each by itself.
+fn together(found: &[Found<'_>], seed: &Seed) -> Result<Together> {
+    let seeds: Vec<Seed> = found.iter().map(|found| uncertainty_seed(&seed.of(found.judge.name()))).collect();
+    let measured: Vec<Measured<'_>> =
+        found.iter().zip(&seeds).map(|(found, seed)| Measured { table: found.scores, seed }).collect();
+    let rankings: Vec<Ranking> = found.iter().map(|found| select::rank(found.scores)).collect();
+    Ok(Together {
+        ranking: select::together(&rankings),
+        uncertainty: uncertainty::together(&measured, &Resampling::default())?,
+    })
+}
+
+fn uncertainty_seed(of_judge: &Seed) -> Seed {
+    of_judge.of("uncertainty")
+}
+
 fn opinion(found: &Found<'_>, seed: &Seed) -> Result<Opinion> {
     let seed = seed.of(found.judge.name());
     let uncertainty =
-        uncertainty::uncertainty(found.scores, &Resampling::default(), &seed.of("uncertainty"))?;
+        uncertainty::uncertainty(found.scores, &Resampling::default(), &uncertainty_seed(&seed))?;
     let repeats = repeats(found.scores);
     let agrees_with_itself = agreement_of(&repeats);
     let helps = uncertainty.demonstrations.iter().any(|doubt| doubt.improves >= uncertainty.level);
@@ -332,9 +398,44 @@ mod tests {
         let chance = table(&[3.0; 6], 1.0, 4, 2);
         let panel = judged(&chance, &good);
         assert_eq!(panel.of(Judge::Cloning).map(|opinion| opinion.vote), Some(Vote::DisagreesWithItself));
-        assert_eq!(panel.decides, Judge::Paper);
-        assert_eq!(judged(&good, &chance).decides, Judge::Cloning);
-        assert_eq!(judged(&chance, &chance).decides, Judge::Cloning, "somebody must");
+        assert_eq!(panel.decides, Judges::Paper);
+        assert_eq!(judged(&good, &chance).decides, Judges::Cloning);
+        assert_eq!(judged(&good, &chance).together, None);
+        assert_eq!(judged(&chance, &chance).decides, Judges::Cloning, "somebody must");
+    }
+
+    #[test]
+    fn where_both_have_a_vote_the_mean_of_their_gains_is_the_order() {
+        let one = table(&[6.0, 5.0, 1.0, 2.0, 3.0], 0.05, 4, 1);
+        let other = table(&[0.6, 0.1, 9.0, 0.2, 0.3], 0.05, 4, 2);
+        let panel = judged(&one, &other);
+        assert_eq!(panel.decides, Judges::Both);
+        let Order { ranking, uncertainty } = panel.deciding();
+        let order: Vec<usize> = ranking.entries.iter().map(|entry| entry.demo.0).collect();
+        assert_eq!(order, [2, 0, 1, 4, 3]);
+        let gain = |opinion: &Opinion| opinion.uncertainty.of(DemoId(2)).expect("judged").gain;
+        let doubt = uncertainty.of(DemoId(2)).expect("judged");
+        assert!((doubt.gain - (gain(&panel.opinions[0]) + gain(&panel.opinions[1])) / 2.0).abs() < 1e-12);
+        assert_eq!(ranking.entries[0].gain, doubt.gain);
+        // Independent judges of equal noise: the interval of a mean is narrower than either of theirs.
+        let width = |uncertainty: &Uncertainty| {
+            let doubt = uncertainty.of(DemoId(2)).expect("judged");
+            doubt.high - doubt.low
+        };
+        let both = width(uncertainty);
+        assert!(panel.opinions.iter().all(|opinion| both < width(&opinion.uncertainty)), "{both}");
+        assert_eq!(panel.others().count(), 2, "neither alone is taken");
+    }
+
+    /// A judge under which all imitations come out alike moves nothing, whatever its order.
+    #[test]
+    fn a_judge_that_learned_little_says_little() {
+        let strong = table(&[10.0, 20.0, 30.0, 40.0, 50.0], 0.05, 4, 1);
+        let weak = table(&[1.5, 1.4, 1.3, 1.2, 1.1], 0.01, 4, 2);
+        let panel = judged(&strong, &weak);
+        assert_eq!((panel.decides, panel.agreement), (Judges::Both, Some(-1.0)));
+        let (both, one) = (panel.deciding().ranking.demos(), panel.opinions[0].ranking.demos());
+        assert_eq!(both, one);
     }
 
     #[test]
@@ -343,15 +444,15 @@ mod tests {
         let good = table(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], 0.1, 4, 1);
         let panel = judged(&harm, &good);
         assert_eq!(panel.of(Judge::Cloning).map(|opinion| opinion.vote), Some(Vote::TaughtNothing));
-        assert_eq!(panel.decides, Judge::Paper);
+        assert_eq!(panel.decides, Judges::Paper);
     }
 
     #[test]
     fn of_one_repeat_nobody_can_say_how_well_it_agrees_with_itself() {
         let once = table(&[1.0, 2.0, 3.0], 0.1, 1, 1);
         let panel = judged(&once, &once);
-        assert_eq!(panel.deciding().vote, Vote::Unrepeated);
-        assert_eq!(panel.deciding().agrees_with_itself, None);
+        assert_eq!(panel.opinions[0].vote, Vote::Unrepeated);
+        assert_eq!(panel.opinions[0].agrees_with_itself, None);
     }
 
     /// Chance gets a vote about as often as it is said: in at most one of twenty sets of equals.
@@ -360,7 +461,7 @@ mod tests {
         let votes = (0..200)
             .filter(|&number| {
                 let equals = table(&[3.0; 8], 1.0, 4, 100 + number);
-                judged(&equals, &equals).deciding().vote.counts()
+                judged(&equals, &equals).opinions[0].vote.counts()
             })
             .count();
         assert!(votes <= 18, "{votes} of 200; one of twenty would be 10");
@@ -382,16 +483,16 @@ mod tests {
         };
         let panel = judged(&all);
         let near_cut = panel.of(Judge::Paper).expect("it was asked");
-        assert!(panel.judged_all(panel.deciding()) && !panel.judged_all(near_cut));
+        assert!(panel.judged_all(&panel.opinions[0]) && !panel.judged_all(near_cut));
         assert_eq!((near_cut.judged(), panel.places_above(near_cut, 6)), (4, 2));
-        assert_eq!((panel.decides, panel.agreement), (Judge::Cloning, Some(-1.0)));
+        assert_eq!((panel.decides, panel.agreement), (Judges::Cloning, Some(-1.0)));
         let found: Vec<(usize, Judge)> =
             panel.disagreements.iter().map(|found| (found.demo.0, found.kept_by)).collect();
         let (cloning, paper) = (Judge::Cloning, Judge::Paper);
         assert_eq!(found, [(4, cloning), (5, cloning), (6, paper), (7, paper)]);
 
         let chance = table(&[3.0; 12], 1.0, 4, 3);
-        assert_eq!(judged(&chance).decides, Judge::Cloning, "the other has a vote, but no order of all");
+        assert_eq!(judged(&chance).decides, Judges::Cloning, "the other has a vote, but no order of all");
     }
 
     #[test]

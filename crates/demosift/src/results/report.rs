@@ -22,7 +22,7 @@ use crate::results::artifact::Artifact;
 use crate::results::data_only::{Column, DataOnly};
 use crate::results::gain;
 use crate::results::gain::Gain;
-use crate::results::panel::{self, Disagreement, Judge, Panel, Vote};
+use crate::results::panel::{self, Disagreement, Judge, Judges, Order, Panel, Vote};
 use crate::stages::imitate::{CurvePoint, LearningCurve};
 use crate::stages::judge::{Judged, ScoreTable, Suitability};
 use crate::stages::method::{Account, Costs};
@@ -84,7 +84,7 @@ pub struct Report {
     pub k: usize,
     /// Whether anything was kept yet.
     pub has_subset: bool,
-    /// Mean heuristic of the deciding judge's agent before imitating anything, over variants.
+    /// Mean heuristic of the deciding judges' agents before imitating anything, over variants.
     pub before: Score,
     /// The probability in each interval.
     pub level: f64,
@@ -96,7 +96,7 @@ pub struct Report {
     pub groups: usize,
     /// How probable it is that the first K are the K best.
     pub top_set: f64,
-    /// The adapted behaviors distance (Table 1) over the set.
+    /// The adapted behaviors distance (Table 1) over the set, by the judge that decides; of both the paper's.
     pub adapted_behaviors_distance: f64,
     /// One per judge, demonstration and variant, in the order of judging.
     pub curves: Vec<AdaptationCurve>,
@@ -150,7 +150,7 @@ pub struct Entry {
 pub struct JudgeShown {
     /// Who.
     pub judge: Judge,
-    /// Whether its order is the one that is taken.
+    /// Whether its order is the one that is taken, or its gains are in the mean of both that gives it.
     pub decides: bool,
     /// How many demonstrations it judged: all, or those near the cut.
     pub judged: usize,
@@ -274,8 +274,9 @@ pub struct Spending {
 /// `is_bad_input` if the run has not judged yet, or a file of it is damaged.
 pub fn report(sources: &Sources<'_>) -> Result<Report> {
     let Sources { ledger, set, task, panel, .. } = *sources;
-    let panel::Opinion { ranking, uncertainty, .. } = panel.deciding();
-    let scores = judged(ledger, panel.decides)?.scores;
+    let Order { ranking, uncertainty } = panel.deciding();
+    let deciding: Vec<ScoreTable> =
+        panel.decides.each().iter().map(|judge| Ok(judged(ledger, *judge)?.scores)).collect::<Result<_>>()?;
     let subset = Subset::recall(ledger, "")?;
     let kept = subset.as_ref().map_or(&[][..], |subset| &subset.demos);
     let k = if kept.is_empty() { select::quarter(set.len()) } else { kept.len() };
@@ -297,10 +298,10 @@ pub fn report(sources: &Sources<'_>) -> Result<Report> {
         before: statistics::mean(&before),
         level: uncertainty.level,
         caveat: uncertainty.caveat(),
-        entries: entries(sources, &scores, kept, k)?,
+        entries: entries(sources, &deciding, kept, k)?,
         groups: uncertainty.groups.len(),
         top_set: uncertainty.top_set.get(k - 1).copied().unwrap_or(f64::NAN),
-        adapted_behaviors_distance: scores.adapted_behaviors_distance(),
+        adapted_behaviors_distance: deciding.last().map_or(f64::NAN, ScoreTable::adapted_behaviors_distance),
         curves: curves(sources)?,
         data_only: sources.data_only.columns.iter().map(|column| beside(ranking, column)).collect(),
         own_heuristic: sources.own_heuristic.map(|column| beside(ranking, column)),
@@ -319,9 +320,15 @@ pub fn judged(ledger: &dyn Ledger, judge: Judge) -> Result<Judged> {
     })
 }
 
-fn shown_judge(opinion: &panel::Opinion, decides: Judge) -> JudgeShown {
+fn shown_judge(opinion: &panel::Opinion, decides: Judges) -> JudgeShown {
     let panel::Opinion { judge, vote, agrees_with_itself, .. } = *opinion;
-    JudgeShown { judge, decides: judge == decides, judged: opinion.judged(), vote, agrees_with_itself }
+    JudgeShown {
+        judge,
+        decides: decides.each().contains(&judge),
+        judged: opinion.judged(),
+        vote,
+        agrees_with_itself,
+    }
 }
 
 /// The adaptation curves of all judges.
@@ -334,12 +341,14 @@ fn curves(sources: &Sources<'_>) -> Result<Vec<AdaptationCurve>> {
     Ok(curves)
 }
 
-fn entries(sources: &Sources<'_>, scores: &ScoreTable, kept: &[DemoId], k: usize) -> Result<Vec<Entry>> {
-    let panel::Opinion { ranking, uncertainty, .. } = sources.panel.deciding();
+fn entries(sources: &Sources<'_>, deciding: &[ScoreTable], kept: &[DemoId], k: usize) -> Result<Vec<Entry>> {
+    let Order { ranking, uncertainty } = sources.panel.deciding();
     let variants = sources.task.specification().variants.len();
     let under: Vec<Ranking> = match variants {
         1 => Vec::new(),
-        count => (0..count).map(|variant| select::rank_under(scores, EnvVariant(variant))).collect(),
+        count => {
+            (0..count).map(|variant| select::rank_together_under(deciding, EnvVariant(variant))).collect()
+        }
     };
     let entry = |entry: &select::Ranked| {
         let demo = entry.demo;

@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemoId;
-use crate::results::uncertainty::{self, Resampling};
+use crate::results::uncertainty::{self, Measured, Resampling};
 use crate::stages::judge::{ScoreTable, Suitability};
-use crate::stages::select::{self, Keep};
+use crate::stages::select::{self, Keep, Ranking};
 use crate::world::heuristic::Score;
 
 /// Where a demonstration would stand, had it been in the earlier set.
@@ -36,40 +36,61 @@ pub struct Standing {
     pub kept: Option<bool>,
 }
 
-/// What an earlier run found, and what it keeps.
+/// What an earlier run keeps of those that it judged.
 #[derive(Clone, Copy, Debug)]
-pub struct Earlier<'a> {
-    /// S of all, or of those near the cut.
-    pub scores: &'a ScoreTable,
+pub struct Kept {
     /// By which rule.
     pub keep: Keep,
-    /// How many of these.
-    pub kept: usize,
+    /// How many.
+    pub count: usize,
+}
+
+/// What one judge found of the earlier demonstrations and of the new ones.
+#[derive(Clone, Copy, Debug)]
+pub struct Beside<'a> {
+    /// S of all earlier ones, or of those near the cut.
+    pub earlier: &'a ScoreTable,
+    /// S of the new ones.
+    pub new: &'a ScoreTable,
+    /// Of the draws.
+    pub seed: &'a Seed,
 }
 
 /// Where each of the new demonstrations stands, each by itself beside the earlier ones; in the order of the new set.
 ///
+/// With several judges it stands by the mean of their gains.
+///
 /// # Errors
-/// Bad input if the two tables were not made with the same variants and numbers of evaluations.
-pub fn standings(earlier: &Earlier<'_>, new: &ScoreTable, seed: &Seed) -> Result<Vec<Standing>> {
-    new.demos().into_iter().map(|demo| standing(earlier, new, demo, seed)).collect()
+/// Bad input if the tables were not made with the same variants and numbers of evaluations.
+pub fn standings(by_judge: &[Beside<'_>], kept: Kept) -> Result<Vec<Standing>> {
+    let new = by_judge.first().map_or_else(Vec::new, |beside| beside.new.demos());
+    new.into_iter().map(|demo| standing(by_judge, kept, demo)).collect()
 }
 
-fn standing(earlier: &Earlier<'_>, new: &ScoreTable, demo: DemoId, seed: &Seed) -> Result<Standing> {
-    let last = earlier.scores.demos().last().copied();
-    let added = DemoId(last.ok_or_else(|| Error::bad_input("the earlier run judged nothing"))?.0 + 1);
-    let mut table = earlier.scores.clone();
-    table.suitabilities.extend(new.of_demo(demo).map(|of| Suitability { demo: added, ..of.clone() }));
-    let doubts = uncertainty::uncertainty(&table, &Resampling::default(), &seed.of("standing"))?;
+fn standing(by_judge: &[Beside<'_>], kept: Kept, demo: DemoId) -> Result<Standing> {
+    let earlier = by_judge.iter().filter_map(|beside| beside.earlier.demos().last().copied()).max();
+    let added = DemoId(earlier.ok_or_else(|| Error::bad_input("the earlier run judged nothing"))?.0 + 1);
+    let with_it = |beside: &Beside<'_>| {
+        let mut table = beside.earlier.clone();
+        let new = beside.new.of_demo(demo).map(|of| Suitability { demo: added, ..of.clone() });
+        table.suitabilities.extend(new);
+        table
+    };
+    let tables: Vec<ScoreTable> = by_judge.iter().map(with_it).collect();
+    let seeds: Vec<Seed> = by_judge.iter().map(|beside| beside.seed.of("standing")).collect();
+    let measured: Vec<Measured<'_>> =
+        tables.iter().zip(&seeds).map(|(table, seed)| Measured { table, seed }).collect();
+    let doubts = uncertainty::together(&measured, &Resampling::default())?;
     let doubt = doubts.of(added).expect("it was added");
-    let ranking = select::rank(&table).entries;
+    let rankings: Vec<Ranking> = tables.iter().map(select::rank).collect();
+    let ranking = select::together(&rankings).entries;
     let place = ranking.iter().position(|entry| entry.demo == added).expect("it was added") + 1;
-    let kept = match earlier.keep {
+    let is_kept = match kept.keep {
         Keep::Weights => None,
         Keep::Auto => Some(doubts.worth_keeping().contains(&added)),
-        Keep::Quarter | Keep::Count(_) => Some(place <= earlier.kept),
+        Keep::Quarter | Keep::Count(_) => Some(place <= kept.count),
     };
-    let top = doubt.top.at(earlier.kept.clamp(1, ranking.len())).unwrap_or(f64::NAN);
+    let top = doubt.top.at(kept.count.clamp(1, ranking.len())).unwrap_or(f64::NAN);
     Ok(Standing {
         demo,
         gain: doubt.gain,
@@ -78,7 +99,7 @@ fn standing(earlier: &Earlier<'_>, new: &ScoreTable, demo: DemoId, seed: &Seed) 
         place,
         of: ranking.len(),
         top,
-        kept,
+        kept: is_kept,
     })
 }
 
@@ -107,10 +128,10 @@ mod tests {
     #[test]
     fn each_stands_where_it_would_have_stood_from_the_start() {
         let earlier = table(&[3.0, 1.0, 2.0, 0.5]);
-        let of = |keep, kept| Earlier { scores: &earlier, keep, kept };
-        let seed = Seed::new(1);
-        let new = table(&[2.5, 0.0, 9.0]);
-        let found = standings(&of(Keep::Quarter, 1), &new, &seed).expect("whole tables");
+        let (seed, new) = (Seed::new(1), table(&[2.5, 0.0, 9.0]));
+        let beside = Beside { earlier: &earlier, new: &new, seed: &seed };
+        let of = |keep, count| standings(&[beside], Kept { keep, count }).expect("whole tables");
+        let found = of(Keep::Quarter, 1);
         let places: Vec<_> = found.iter().map(|of| (of.place, of.of, of.kept)).collect();
         assert_eq!(places, [(2, 5, Some(false)), (5, 5, Some(false)), (1, 5, Some(true))]);
         assert!(found.iter().all(|of| of.low < of.gain && of.gain < of.high));
@@ -119,11 +140,11 @@ mod tests {
         // The same gain as if it had been judged with them.
         let whole = select::rank(&table(&[3.0, 1.0, 2.0, 0.5, 2.5]));
         assert_eq!(found[0].gain, whole.entries[1].gain);
-        let wide = standings(&of(Keep::Count(3), 3), &new, &seed).expect("whole tables");
+        let wide = of(Keep::Count(3), 3);
         assert_eq!(wide.iter().map(|of| of.kept).collect::<Vec<_>>(), [Some(true), Some(false), Some(true)]);
-        let by_weights = standings(&of(Keep::Weights, 2), &new, &seed).expect("whole tables");
+        let by_weights = of(Keep::Weights, 2);
         assert!(by_weights.iter().all(|of| of.kept.is_none()));
-        let auto = standings(&of(Keep::Auto, 1), &new, &seed).expect("whole tables");
+        let auto = of(Keep::Auto, 1);
         assert_eq!(auto[2].kept, Some(true));
         assert_eq!(auto[1].kept, Some(false));
     }
@@ -133,10 +154,24 @@ mod tests {
         let earlier = table(&[3.0, 1.0]);
         let mut new = table(&[2.0]);
         new.suitabilities[0].after[0].push(1.0);
-        let of = Earlier { scores: &earlier, keep: Keep::Quarter, kept: 1 };
-        let error = standings(&of, &new, &Seed::new(1)).expect_err("another number of evaluations");
+        let (seed, kept) = (Seed::new(1), Kept { keep: Keep::Quarter, count: 1 });
+        let of = |earlier, new| standings(&[Beside { earlier, new, seed: &seed }], kept);
+        let error = of(&earlier, &new).expect_err("another number of evaluations");
         assert!(error.is_bad_input() && error.to_string().contains("2 evaluations"), "{error}");
-        let nothing = Earlier { scores: &ScoreTable::default(), ..of };
-        assert!(standings(&nothing, &table(&[1.0]), &Seed::new(1)).is_err());
+        assert!(of(&ScoreTable::default(), &table(&[1.0])).is_err());
+    }
+
+    #[test]
+    fn by_two_judges_it_stands_by_the_mean_of_their_gains() {
+        let (one, other) = (table(&[3.0, 1.0, 2.0]), table(&[1.0, 3.0, 2.0]));
+        let (new_to_one, new_to_other) = (table(&[4.0]), table(&[1.0]));
+        let seed = Seed::new(1);
+        let by_judge = [
+            Beside { earlier: &one, new: &new_to_one, seed: &seed },
+            Beside { earlier: &other, new: &new_to_other, seed: &seed },
+        ];
+        let found = standings(&by_judge, Kept { keep: Keep::Quarter, count: 1 }).expect("whole tables");
+        assert_eq!((found[0].place, found[0].of, found[0].kept), (1, 4, Some(true)));
+        assert!((found[0].gain - (4.06 + 1.06 - 0.1) / 2.0).abs() < 0.1, "{}", found[0].gain);
     }
 }

@@ -230,17 +230,34 @@ impl Uncertainty {
 /// # Ok::<(), demosift::Error>(())
 /// ```
 pub fn uncertainty(table: &ScoreTable, resampling: &Resampling, seed: &Seed) -> Result<Uncertainty> {
-    let (judged, repeats, evaluations) = judged(table)?;
-    let draws = draw(&judged, evaluations, resampling, seed)?;
+    together(&[Measured { table, seed }], resampling)
+}
+
+/// A table, and the random numbers by which it is drawn again.
+#[derive(Clone, Copy, Debug)]
+pub struct Measured<'a> {
+    /// S of each demonstration.
+    pub table: &'a ScoreTable,
+    /// Of the draws.
+    pub seed: &'a Seed,
+}
+
+/// How sure the mean of several judgments of the same demonstrations is, each of which is drawn again by itself.
+///
+/// # Errors
+/// Bad input if there is no table, one is not whole, or they are about different demonstrations.
+pub fn together(measured: &[Measured<'_>], resampling: &Resampling) -> Result<Uncertainty> {
+    let drawn = measured.iter().map(|measured| drawn(measured, resampling)).collect::<Result<Vec<_>>>()?;
+    let Drawn { demos, gains, draws, repeats, evaluations } = mean_of_drawn(drawn)?;
     let mut top = top_probabilities(&draws);
     let improves = share(&draws, |_| 0.0, |score, bar| score > bar);
     let near_best = share(&draws, between_median_and_best, |score, bar| score >= bar);
-    let order = places(&judged);
+    let order = places(&demos, &gains);
     let mut doubt = |&index: &usize| {
         let (low, high) = interval(draws.iter().map(|draw| draw[index]).collect(), resampling.level);
         Doubt {
-            demo: judged[index].demo,
-            gain: judged[index].gain,
+            demo: demos[index],
+            gain: gains[index],
             low,
             high,
             improves: improves[index],
@@ -252,10 +269,54 @@ pub fn uncertainty(table: &ScoreTable, resampling: &Resampling, seed: &Seed) -> 
     let demonstrations: Vec<Doubt> = order.iter().map(&mut doubt).collect();
     let groups = groups(&draws, &order, resampling.level);
     let groups =
-        groups.into_iter().map(|group| group.into_iter().map(|index| judged[index].demo).collect()).collect();
+        groups.into_iter().map(|group| group.into_iter().map(|index| demos[index]).collect()).collect();
     let too_narrow = repeats == 1 || evaluations == 1;
     let level = resampling.level;
     Ok(Uncertainty { level, too_narrow, repeats, evaluations, demonstrations, top_set, groups })
+}
+
+/// A judgment, drawn again.
+struct Drawn {
+    /// In an order that does not depend on ids.
+    demos: Vec<DemoId>,
+    /// S of each.
+    gains: Vec<Score>,
+    /// `[draws][demonstrations]`.
+    draws: Vec<Vec<Score>>,
+    repeats: usize,
+    evaluations: usize,
+}
+
+fn drawn(measured: &Measured<'_>, resampling: &Resampling) -> Result<Drawn> {
+    let (judged, repeats, evaluations) = judged(measured.table)?;
+    let draws = draw(&judged, evaluations, resampling, measured.seed)?;
+    let (demos, gains) = judged.iter().map(|judged| (judged.demo, judged.gain)).unzip();
+    Ok(Drawn { demos, gains, draws, repeats, evaluations })
+}
+
+/// In the order of the first; of repeats and evaluations the fewest.
+fn mean_of_drawn(drawn: Vec<Drawn>) -> Result<Drawn> {
+    let count = drawn.len() as f64;
+    let mut drawn = drawn.into_iter();
+    let mut sum = drawn.next().ok_or_else(|| Error::bad_input("there is no judgment to be sure of"))?;
+    for other in drawn {
+        let place_of: BTreeMap<DemoId, usize> =
+            other.demos.iter().enumerate().map(|(place, demo)| (*demo, place)).collect();
+        let places: Option<Vec<usize>> = sum.demos.iter().map(|demo| place_of.get(demo).copied()).collect();
+        let places = places.filter(|places| places.len() == place_of.len()).ok_or_else(|| {
+            Error::bad_input("the judgments are about different demonstrations, and have no mean")
+        })?;
+        let add = |sum: &mut [Score], other: &[Score]| {
+            sum.iter_mut().zip(&places).for_each(|(sum, place)| *sum += other[*place]);
+        };
+        add(&mut sum.gains, &other.gains);
+        sum.draws.iter_mut().zip(&other.draws).for_each(|(sum, other)| add(sum, other));
+        sum.repeats = sum.repeats.min(other.repeats);
+        sum.evaluations = sum.evaluations.min(other.evaluations);
+    }
+    let scores = sum.draws.iter_mut().flatten().chain(&mut sum.gains);
+    scores.for_each(|score| *score /= count);
+    Ok(sum)
 }
 
 /// What was measured of one demonstration.
@@ -465,11 +526,9 @@ fn between_median_and_best(scores: &[Score]) -> Score {
 }
 
 /// Indices from the most to the least suitable, ties by id.
-fn places(judged: &[Judged]) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..judged.len()).collect();
-    order.sort_by(|&a, &b| {
-        judged[b].gain.total_cmp(&judged[a].gain).then(judged[a].demo.cmp(&judged[b].demo))
-    });
+fn places(demos: &[DemoId], gains: &[Score]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..demos.len()).collect();
+    order.sort_by(|&a, &b| gains[b].total_cmp(&gains[a]).then(demos[a].cmp(&demos[b])));
     order
 }
 

@@ -63,7 +63,7 @@ use crate::learning::adapt::{InnerUpdate, MetaPrior};
 use crate::learning::behavioral_cloning::Cloning;
 use crate::results::artifact::{Artifact, onnx};
 use crate::results::data_only::{self, DataOnly};
-use crate::results::panel::{Judge, Judges, Opinion, Panel};
+use crate::results::panel::{Judge, Judges, Order, Panel};
 use crate::results::uncertainty::Uncertainty;
 use crate::stages::imitate::{self, Imitation, ImitationState, LearningCurve, Lesson};
 use crate::stages::judge::{self, Judging};
@@ -185,9 +185,9 @@ pub struct Sifted {
 /// What is concluded from the judges' scores.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Selection {
-    /// From the most to the least suitable, by the judge that decides.
+    /// From the most to the least suitable, by those who decide.
     pub ranking: Ranking,
-    /// How sure that judge is.
+    /// How sure that is.
     pub uncertainty: Uncertainty,
     /// What is kept.
     pub subset: Subset,
@@ -277,18 +277,18 @@ pub fn data_only(run: &mut Run<'_>) -> Result<DataOnly> {
     Ok(found)
 }
 
-/// What a judge would keep, where not weights decide.
-pub(super) fn kept(run: &Run<'_>, opinion: &Opinion) -> Result<Subset> {
+/// What would be kept of an order, where not weights decide.
+pub(super) fn kept(run: &Run<'_>, order: Order<'_>) -> Result<Subset> {
     match run.config.keep {
-        Keep::Auto => Ok(Subset { demos: opinion.uncertainty.worth_keeping() }),
-        _ => select::top_k(&opinion.ranking, cut(run)),
+        Keep::Auto => Ok(Subset { demos: order.uncertainty.worth_keeping() }),
+        _ => select::top_k(order.ranking, cut(run)),
     }
 }
 
-/// Panel → Ranking, Uncertainty, Subset: what the judge that decides would keep.
+/// Panel → Ranking, Uncertainty, Subset: the order that is taken, and what is kept of it.
 pub fn selection(run: &mut Run<'_>, panel: &Panel) -> Result<Selection> {
     make(run, &arrows::for_selection(run.config))?;
-    let Opinion { ranking, uncertainty, .. } = panel.deciding().clone();
+    let Order { ranking, uncertainty } = panel.deciding();
     let subset = match run.config.keep {
         Keep::Quarter | Keep::Count(_) | Keep::Auto => kept(run, panel.deciding())?,
         Keep::Weights => {
@@ -299,7 +299,7 @@ pub fn selection(run: &mut Run<'_>, panel: &Panel) -> Result<Selection> {
     ranking.store(run.ledger, "")?;
     uncertainty.store(run.ledger, "")?;
     subset.store(run.ledger, "")?;
-    Ok(Selection { ranking, uncertainty, subset })
+    Ok(Selection { ranking: ranking.clone(), uncertainty: uncertainty.clone(), subset })
 }
 
 /// Subset → LearningCurve; `part` names it among others, such as `subset` or `all`.

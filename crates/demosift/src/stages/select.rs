@@ -166,7 +166,33 @@ fn rank_where(table: &ScoreTable, counts: impl Fn(EnvVariant) -> bool) -> Rankin
     for of in table.suitabilities.iter().filter(|of| counts(of.variant)) {
         by_demo.entry(of.demo).or_default().push(of);
     }
-    let mut entries: Vec<Ranked> = by_demo.into_iter().map(|(demo, found)| ranked(demo, &found)).collect();
+    ordered(by_demo.into_iter().map(|(demo, found)| ranked(demo, &found)).collect())
+}
+
+/// The ranking under one variant by the mean of the gains of several tables.
+pub fn rank_together_under(tables: &[ScoreTable], variant: EnvVariant) -> Ranking {
+    let rankings: Vec<Ranking> = tables.iter().map(|table| rank_under(table, variant)).collect();
+    together(&rankings)
+}
+
+/// The ranking by the mean of the gains that several rankings of the same demonstrations give; ties by id.
+pub fn together(rankings: &[Ranking]) -> Ranking {
+    let mut by_demo: BTreeMap<DemoId, Vec<&Ranked>> = BTreeMap::new();
+    rankings
+        .iter()
+        .flat_map(|ranking| &ranking.entries)
+        .for_each(|entry| by_demo.entry(entry.demo).or_default().push(entry));
+    let mean = |(demo, found): (DemoId, Vec<&Ranked>)| Ranked {
+        demo,
+        before: mean_of(found.iter().map(|entry| entry.before)),
+        after: mean_of(found.iter().map(|entry| entry.after)),
+        gain: mean_of(found.iter().map(|entry| entry.gain)),
+    };
+    ordered(by_demo.into_iter().map(mean).collect())
+}
+
+/// The most suitable first, ties by id.
+fn ordered(mut entries: Vec<Ranked>) -> Ranking {
     entries.sort_by(|a, b| b.gain.total_cmp(&a.gain).then(a.demo.cmp(&b.demo)));
     Ranking { entries }
 }
@@ -226,6 +252,19 @@ pub fn top_k(ranking: &Ranking, k: usize) -> Result<Subset> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::stages::judge::Suitability;
+
+    #[test]
+    fn the_gain_by_several_is_the_mean_of_theirs() {
+        let (one, other) = (
+            table(&[(0, 0, 4.0), (0, 1, 3.0), (0, 2, 2.0)]),
+            table(&[(0, 0, 2.0), (0, 1, 9.0), (0, 2, 4.0)]),
+        );
+        let both = together(&[rank(&one), rank(&other)]);
+        assert_eq!(order(&both), [1, 0, 2]);
+        assert_eq!(both.entries[0], Ranked { demo: DemoId(1), before: 2.0, after: 6.0, gain: 4.0 });
+        assert_eq!(together(&[rank(&one)]), rank(&one));
+    }
 
     #[test]
     fn a_judge_of_some_keeps_as_many_of_them_as_the_judge_of_all() {
@@ -234,7 +273,6 @@ mod tests {
         assert_eq!(ranking.of_first(3, &[DemoId(2), DemoId(3)]), 1);
         assert_eq!(ranking.of_first(0, &[DemoId(2)]), 0);
     }
-    use crate::stages::judge::Suitability;
 
     fn table(scores: &[(usize, usize, f64)]) -> ScoreTable {
         let suitability = |&(variant, demo, after): &(usize, usize, f64)| Suitability {

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use super::{Config, Run, Selection, kept};
 use crate::basics::error::Result;
 use crate::data::demonstration::DemoId;
-use crate::results::panel::{Judge, Opinion, Panel};
+use crate::results::panel::{Judges, Opinion, Panel};
 use crate::stages::referee::{KEPT, NamedSubset};
 use crate::stages::select::Keep;
 
@@ -36,13 +36,13 @@ const BY_WEIGHTS: &str = "kept by weights";
 /// The name of what `--keep auto` would keep.
 const SURELY_HELPS: &str = "surely helping";
 
-/// What a judge whose order is not taken would keep, if there is such a thing.
+/// What a judge would keep whose order is not the one that is taken, if there is such a thing.
 ///
 /// One that judged only those near the cut would keep as many of them as the one that decides, beside what this keeps of the
 /// others.
 fn kept_by_other(run: &Run<'_>, panel: &Panel, opinion: &Opinion) -> Result<Option<Vec<DemoId>>> {
     if panel.judged_all(opinion) {
-        return Ok(Some(kept(run, opinion)?.demos));
+        return Ok(Some(kept(run, opinion.order())?.demos));
     }
     if run.config.keep == Keep::Auto {
         return Ok(None);
@@ -54,12 +54,12 @@ fn kept_by_other(run: &Run<'_>, panel: &Panel, opinion: &Opinion) -> Result<Opti
     Ok(Some(first.filter(|demo| !judged.contains(demo)).chain(own).collect()))
 }
 
-/// What final policies could be trained on: what each judge keeps, and what by the one that decides surely helps.
+/// What final policies could be trained on: what is kept, what each judge would keep, and what surely helps by those who decide.
 pub fn worth_training_on(run: &Run<'_>, panel: &Panel, selection: &Selection) -> Result<Vec<NamedSubset>> {
     let mut by_others = Vec::new();
     for opinion in panel.others().filter(|_| run.config.keep != Keep::Weights) {
         let Some(demos) = kept_by_other(run, panel, opinion)? else { continue };
-        let name = format!("{KEPT} by {}", as_keeper(opinion.judge));
+        let name = format!("{KEPT} by {}", as_keeper(opinion.judge.into()));
         by_others.push(NamedSubset::new(&name, &demos).ending_in(&ending(run.config)));
     }
     by_others.retain(|other| !is_same(&other.demos, &selection.subset.demos));
@@ -83,11 +83,12 @@ pub fn worth_training_on(run: &Run<'_>, panel: &Panel, selection: &Selection) ->
     Ok(subsets)
 }
 
-/// A judge in the name of what it keeps.
-fn as_keeper(judge: Judge) -> &'static str {
-    match judge {
-        Judge::Cloning => "cloning",
-        Judge::Paper => "the paper's judge",
+/// Those who keep something in the name of it.
+fn as_keeper(judges: Judges) -> &'static str {
+    match judges {
+        Judges::Cloning => "cloning",
+        Judges::Paper => "the paper's judge",
+        Judges::Both => "both",
     }
 }
 

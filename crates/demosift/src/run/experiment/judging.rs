@@ -228,7 +228,7 @@ pub fn panel(run: &mut Run<'_>) -> Result<Panel> {
 
 /// What one judge says.
 pub fn opinion(run: &mut Run<'_>, judge: Judge) -> Result<Opinion> {
-    Ok(panel_of(run, &[judge])?.deciding().clone())
+    Ok(panel_of(run, &[judge])?.opinions.remove(0))
 }
 
 fn panel_of(run: &mut Run<'_>, judges: &[Judge]) -> Result<Panel> {

@@ -8,7 +8,7 @@ use crate::basics::ledger::Ledger;
 use crate::data::demonstration::DemoId;
 use crate::learning::adapt::Rule;
 use crate::results::artifact::Artifact;
-use crate::results::panel::{Judge, Opinion, Panel};
+use crate::results::panel::{Judge, Order, Panel};
 use crate::results::recording;
 use crate::run::experiment::arrows::{self, Arrow};
 use crate::run::experiment::{self, OracleTraining, Preparation, Run, Selection, begun, stage_name};
@@ -331,16 +331,18 @@ fn verdict(run: &Run<'_>) -> Result<Option<Planned>> {
 fn foreseen(run: &Run<'_>) -> Result<Vec<NamedSubset>> {
     let (panel, subset) = (Panel::recall(run.ledger, "")?, Subset::recall(run.ledger, "")?);
     if let (Some(panel), Some(subset)) = (panel, subset) {
-        let Opinion { ranking, uncertainty, .. } = panel.deciding().clone();
+        let Order { ranking, uncertainty } = panel.deciding();
+        let (ranking, uncertainty) = (ranking.clone(), uncertainty.clone());
         return experiment::worth_training_on(run, &panel, &Selection { ranking, uncertainty, subset });
     }
     let (ids, size) = (run.set.ids(), likely_size(run));
-    let judges = run.config.judges.each().iter().enumerate();
-    let of_judge = |(shift, judge): (usize, &Judge)| {
+    let judges = run.config.judges.each();
+    let names = judges.iter().map(|judge| judge.name()).chain((judges.len() > 1).then_some("both"));
+    let of_judge = |(shift, name): (usize, &str)| {
         let demos: Vec<DemoId> = ids.iter().cycle().skip(shift).take(size).copied().collect();
-        NamedSubset::new(judge.name(), &demos)
+        NamedSubset::new(name, &demos)
     };
-    let mut subsets: Vec<NamedSubset> = judges.map(of_judge).collect();
+    let mut subsets: Vec<NamedSubset> = names.enumerate().map(of_judge).collect();
     // Of another size, which asks for random subsets of its own.
     let auto = if ids.len().div_ceil(2) == size { size + 1 } else { ids.len().div_ceil(2) };
     subsets.push(NamedSubset::new("auto", &ids[..auto.min(ids.len())]));

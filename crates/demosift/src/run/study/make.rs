@@ -10,7 +10,7 @@ use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::learning::adapt::{Rule, UpdateReport};
 use crate::math::statistics;
-use crate::results::panel::{Judge, Judges};
+use crate::results::panel::Judge;
 use crate::run::experiment::{self, Config, Run};
 use crate::run::forecast::{self, Goal};
 use crate::stages::imitate::{self, CurvePoint, ImitationState, Lesson};
@@ -42,7 +42,7 @@ pub struct PriorOf<'a> {
     pub config: &'a Config,
 }
 
-/// Judges a set once, by the judge that the configuration asks, or by the one of both that decides; `clock` says how many
+/// Judges a set once, by the one judge that the configuration asks; `clock` says how many
 /// seconds have passed since some moment.
 ///
 /// # Errors
@@ -63,10 +63,8 @@ pub fn judging(means: &Means<'_>, seed: u64, clock: &mut dyn FnMut() -> f64) -> 
         ledger: &mut ledger,
         observer: &mut Silent,
     };
-    let judge = match config.judges {
-        Judges::Cloning => Judge::Cloning,
-        Judges::Paper => Judge::Paper,
-        Judges::Both => experiment::panel(&mut run)?.decides,
+    let &[judge] = config.judges.each() else {
+        return Err(Error::bad_config("a study asks one judge a method; a rule combines those of several"));
     };
     let table = experiment::scores(&mut run, judge)?;
     let judging = passed.since_last();

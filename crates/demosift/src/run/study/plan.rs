@@ -70,7 +70,7 @@ pub enum Rule {
     Ranks,
     /// The mean of the scores, each method's standardized over the set.
     Scores,
-    /// Those of the first method that has a vote, as in a run of both judges; of the first, if none has.
+    /// The mean of the scores of those that have a vote, as in a run of both judges; those of the first, if none has.
     Votes,
 }
 

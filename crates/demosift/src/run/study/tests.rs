@@ -252,13 +252,13 @@ fn combinations_are_means_of_ranks_or_of_standardized_scores() {
 }
 
 #[test]
-fn the_first_method_with_a_vote_decides() {
+fn the_mean_of_scores_is_that_of_the_methods_with_a_vote() {
     let mut study = study();
     study.methods[2].combination.as_mut().expect("it is one").rule = CombinationRule::Votes;
     let of = |votes: [Option<Vote>; 2]| {
         let mut finished = Finished::default();
         for ((name, scores), vote) in
-            [("paper", [1.0, 2.0, 3.0, 4.0]), ("cloning", [4.0, 3.0, 2.0, 1.0])].into_iter().zip(votes)
+            [("paper", [1.0, 2.0, 3.0, 4.0]), ("cloning", [2.0, 2.0, 3.0, 4.0])].into_iter().zip(votes)
         {
             let mut cell = judged(name, 0, scores);
             let Found::Judging(judging) = &mut cell.found else { panic!("a cell of judging") };
@@ -268,8 +268,8 @@ fn the_first_method_with_a_vote_decides() {
         study.scores(&study.sets[0], &study.methods[2], 0, &finished)
     };
     let (yes, no) = (Some(Vote::Counts), Some(Vote::TaughtNothing));
-    assert_eq!(of([yes, yes]), Some(vec![1.0, 2.0, 3.0, 4.0]));
-    assert_eq!(of([no, yes]), Some(vec![4.0, 3.0, 2.0, 1.0]));
+    assert_eq!(of([yes, yes]), Some(vec![1.5, 2.0, 3.0, 4.0]));
+    assert_eq!(of([no, yes]), Some(vec![2.0, 2.0, 3.0, 4.0]));
     assert_eq!(of([no, no]), Some(vec![1.0, 2.0, 3.0, 4.0]));
     assert_eq!(of([None, yes]), None, "an older cell does not say");
 }

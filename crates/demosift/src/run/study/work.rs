@@ -259,7 +259,7 @@ pub(super) fn top(scores: &[Score], k: usize) -> Vec<DemoId> {
     demos
 }
 
-/// The scores of several methods as one; `None` where their votes decide and a cell does not say whether it has one.
+/// The scores of several methods as one; `None` where votes count and a cell does not say whether it has one.
 fn combined(rule: Rule, parts: &[&JudgingResult]) -> Option<Vec<Score>> {
     let scores = parts.iter().map(|part| part.scores());
     let alike: Vec<Vec<f64>> = match rule {
@@ -267,8 +267,10 @@ fn combined(rule: Rule, parts: &[&JudgingResult]) -> Option<Vec<Score>> {
         Rule::Scores => scores.map(|scores| standardized(&scores)).collect(),
         Rule::Votes => {
             let votes = parts.iter().map(|part| part.vote).collect::<Option<Vec<Vote>>>()?;
-            let decides = votes.iter().position(|vote| vote.counts()).unwrap_or(0);
-            return parts.get(decides).map(|part| part.scores());
+            let scores: Vec<Vec<Score>> = scores.collect();
+            let with = scores.iter().zip(&votes).filter(|(_, vote)| vote.counts());
+            let with: Vec<Vec<Score>> = with.map(|(scores, _)| scores.clone()).collect();
+            if with.is_empty() { scores.into_iter().take(1).collect() } else { with }
         }
     };
     let demonstrations = alike.first()?.len();
