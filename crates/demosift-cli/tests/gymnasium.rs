@@ -51,7 +51,8 @@ fn sift_ranks_in_an_environment_of_the_user() {
     let order: Vec<u64> =
         found["ranking"].as_array().unwrap().iter().map(|one| one["demo"].as_u64().unwrap()).collect();
     assert!(order[..2] == [1, 3] || order[..2] == [3, 1], "those that go to the goal: {order:?}");
-    assert!(scratch.0.join("whole/report.html").exists());
+    let page = std::fs::read_to_string(scratch.0.join("whole/report.html")).unwrap();
+    assert!(page.contains("There is no replay: ") && page.contains("pictures are made of 'rgb_array'"));
 
     // By another number of workers, and killed after judging, it is the same.
     let judged = |more: &str| {
@@ -334,4 +335,56 @@ fn minari_of(made: &std::path::Path, out: &std::path::Path) {
         "total_episodes": episodes.as_array().unwrap().len(),
     });
     std::fs::write(out.join("data/metadata.json"), metadata.to_string()).unwrap();
+}
+
+/// The numbers that a report is made of.
+fn data_of(page: &str) -> serde_json::Value {
+    let (_, data) = page.split_once("<script type=\"application/json\" id=\"data\">").unwrap();
+    serde_json::from_str(data.split_once("</script>").unwrap().0).unwrap()
+}
+
+/// An environment that renders is looked at: by `play`, and in the report, where the agent's episodes come again as they were.
+#[test]
+fn an_environment_that_renders_is_looked_at() {
+    let Some(env) = env("drawn") else { return };
+    let scratch = Scratch::new("gymnasium-pictures");
+    set_in_newtons(&scratch);
+    let how = "--judge cloning --referee cloning=3 --config tiny.toml";
+    scratch.succeed(&format!("sift set {env} {how} --out run"));
+
+    let page = std::fs::read_to_string(scratch.0.join("run/report.html")).unwrap();
+    let replay = &data_of(&page)["replay"];
+    let missing = replay["missing"].as_str().unwrap();
+    assert!(missing.contains("does not say from which seeds or states"), "{missing}");
+    let films = replay["films"].as_array().unwrap();
+    // The agent before, and after each of four demonstrations.
+    let demos: Vec<Option<u64>> = films.iter().map(|film| film["demo"].as_u64()).collect();
+    assert_eq!(demos.len(), 5, "{demos:?}");
+    assert_eq!(demos[0], None);
+    for film in films {
+        assert_eq!((film["width"].as_u64(), film["height"].as_u64()), (Some(160), Some(120)));
+        assert_eq!((film["at"][0].as_u64(), film["at"].as_array().unwrap().len()), (Some(0), 30));
+        assert!(film["strip"].as_str().unwrap().starts_with("iVBOR"), "a PNG");
+    }
+
+    let play = "play --policy run/policy_best.safetensors --episodes 2";
+    let said = scratch.succeed(&format!("{play} --sheet --clip --frames --size 80x80 --out pictures"));
+    assert!(said.contains("Pictures: pictures"), "{said}");
+    let frame = &scratch.files("pictures/frames/episode_1")["step_0029.png"];
+    let side = |at: usize| u32::from_be_bytes(frame[at..at + 4].try_into().unwrap());
+    assert_eq!((side(16), side(20)), (80, 60), "made smaller by a whole number to fit");
+    assert!(scratch.0.join("pictures/sheet.png").exists() && scratch.0.join("pictures/clip.gif").exists());
+    scratch.refuse(&format!("{play} --sheet --camera side"), &["--camera", "as it renders itself"]);
+    scratch.refuse(
+        &format!("play --data set {env} --sheet"),
+        &["from which seed or state demonstration 0 began"],
+    );
+    let nothing = env.replace("drawn", "draws_nothing");
+    let output = scratch.run(&format!("{play} {nothing} --horizon 30 --sheet --out none"));
+    assert!(
+        !output.status.success() && self::said(&output).contains("its render() returned"),
+        "{}",
+        self::said(&output)
+    );
+    assert!(!scratch.0.join("none").exists(), "no folder for nothing");
 }

@@ -5,13 +5,13 @@ use demosift::basics::seed::Seed;
 use demosift::data::demonstration::DemonstrationSet;
 use demosift::world::environment::Task as _;
 use demosift::{Error, Result};
-use rand::Rng as _;
 use serde::Serialize;
 
 use crate::replay::{self, Replayed, Starts};
 use crate::session::Session;
 use crate::task::GymnasiumTask;
 use crate::trial::{Repeats, Trial, episode, measurements, random_actions, trial};
+use crate::whole::reset_seed;
 
 /// Steps of each of the three episodes by which is seen whether an environment repeats, where a user asks for it.
 const CHECK_STEPS: usize = 200;
@@ -84,8 +84,8 @@ pub fn check(task: &GymnasiumTask, seed: &Seed) -> Result<Checked> {
     };
     while found.episodes < EPISODES && found.steps < MOST_STEPS {
         let seed = seed.at(found.episodes);
-        let start = u64::from(seed.of("reset").into_rng().next_u32());
-        let turns = episode(&mut session, start, &random_actions(task.units(), seed.of("act"), horizon))?;
+        let turns =
+            episode(&mut session, reset_seed(&seed), &random_actions(task.units(), seed.of("act"), horizon))?;
         let steps = turns.len() - 1;
         let last = turns.last().expect("there is the turn of the reset");
         found.episodes += 1;
@@ -151,6 +151,6 @@ pub fn compare(
         beyond += usize::from(number < low - slack || number > high + slack);
         all += 1;
     }
-    let replayed = replay::replayed(task, set, starts, most)?;
+    let replayed = replay::replayed(task, set, starts, &starts.known(task, set, most))?;
     Ok(Recorded { actions, beyond: beyond as f64 / all.max(1) as f64, replayed })
 }

@@ -19,6 +19,7 @@
 //! | [`trainer`] | a trainer of the user's own as a [`Trainer`](demosift::world::trainer::Trainer), with its policies |
 //! | [`trial`] | a few steps by which is seen whether it repeats |
 //! | [`units`] | actions in the environment's own unit |
+//! | [`pictures`] | what an episode looks like |
 //! | [`replay`] | demonstrations that are played again with their recorded actions |
 //! | [`check`] | whether it repeats, how fast it is, and whether recorded demonstrations fit it |
 //!
@@ -27,6 +28,7 @@
 
 pub mod check;
 mod own;
+pub mod pictures;
 mod process;
 pub mod replay;
 mod robosuite;

@@ -17,7 +17,7 @@ use crate::turn::Turn;
 use crate::whole::Turns as _;
 
 /// An observation that is farther from the recorded one has left it.
-const LEFT: f32 = 1e-3;
+pub(crate) const LEFT: f32 = 1e-3;
 
 /// How recorded episodes began, by their position in the file, as far as a set tells.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,32 +47,38 @@ pub struct Replayed {
     pub left_at: Option<usize>,
     /// K of what was played.
     pub score: f64,
+    /// Whether it reached the goal, where the environment says.
+    pub succeeded: Option<bool>,
 }
 
-/// Plays demonstrations again of which is known how they began, at most `most` of them.
+impl Starts {
+    /// Those of which is known how they began, at most so many.
+    pub(crate) fn known(&self, task: &GymnasiumTask, set: &DemonstrationSet, most: usize) -> Vec<DemoId> {
+        let is_known = |demo: &DemoId| match self {
+            Self::Seeds(seeds) => seeds.get(demo.0).is_some_and(Option::is_some),
+            Self::States(recordings) => task.is_put() && recordings.get(demo.0).is_some_and(Option::is_some),
+        };
+        set.ids().into_iter().filter(is_known).take(most).collect()
+    }
+}
+
+/// Plays those of these demonstrations again of which is known how they began.
 ///
 /// # Errors
 /// `is_simulation` if the environment fails.
-pub(crate) fn replayed(
+pub fn replayed(
     task: &GymnasiumTask,
     set: &DemonstrationSet,
     starts: &Starts,
-    most: usize,
+    demos: &[DemoId],
 ) -> Result<Vec<Replayed>> {
-    let tells = match starts {
-        Starts::Seeds(seeds) => seeds.iter().any(Option::is_some),
-        Starts::States(_) => task.is_put(),
-    };
-    if !tells {
+    if demos.is_empty() {
         return Ok(Vec::new());
     }
     // A process of its own: it is left with another model, and with episodes of another length.
     let mut session = task.new_session()?;
     let mut found = Vec::new();
-    for demo in set.ids() {
-        if found.len() == most {
-            break;
-        }
+    for &demo in demos {
         let demonstration = set.get(demo);
         match starts {
             Starts::Seeds(seeds) => {
@@ -94,7 +100,7 @@ pub(crate) fn replayed(
     Ok(found)
 }
 
-fn actions(demonstration: &Demonstration) -> Vec<Vec<f64>> {
+pub(crate) fn actions(demonstration: &Demonstration) -> Vec<Vec<f64>> {
     demonstration.actions().iter().map(|row| row.iter().map(|number| f64::from(*number)).collect()).collect()
 }
 
@@ -106,7 +112,7 @@ fn from_state(session: &mut Session, recording: &Recording) -> Result<(Vec<Turn>
     session.put(model.as_deref(), first, &mut turn)?;
     let (mut turns, mut drift) = (vec![turn.clone()], 0.0_f64);
     for (recorded, action) in states.iter().zip(actions) {
-        drift = drift.max(distance(&session.state()?, recorded));
+        drift = drift.max(distance_of_states(&session.state()?, recorded));
         session.step(action, &mut turn)?;
         turns.push(turn.clone());
         if turn.terminated || turn.truncated {
@@ -117,21 +123,20 @@ fn from_state(session: &mut Session, recording: &Recording) -> Result<(Vec<Turn>
 }
 
 /// Of two states, which differ without end if one has more numbers than the other.
-fn distance(played: &[f64], recorded: &[f64]) -> f64 {
+fn distance_of_states(played: &[f64], recorded: &[f64]) -> f64 {
     if played.len() != recorded.len() {
         return f64::INFINITY;
     }
     played.iter().zip(recorded).map(|(played, recorded)| (played - recorded).abs()).fold(0.0, f64::max)
 }
 
+/// The greatest distance of a number of an observation from the recorded one.
+pub(crate) fn distance(turn: &Turn, recorded: &[f32]) -> f32 {
+    let both = turn.observation.iter().zip(recorded);
+    both.map(|(played, recorded)| (played - recorded).abs()).fold(0.0, f32::max)
+}
+
 fn compared(task: &GymnasiumTask, demo: DemoId, demonstration: &Demonstration, turns: &[Turn]) -> Replayed {
-    let distance = |turn: &Turn, row: &[f32]| {
-        turn.observation
-            .iter()
-            .zip(row)
-            .map(|(played, recorded)| (played - recorded).abs())
-            .fold(0.0, f32::max)
-    };
     // The last observation is none of the demonstration's.
     let distances: Vec<f32> = turns
         .iter()
@@ -139,6 +144,7 @@ fn compared(task: &GymnasiumTask, demo: DemoId, demonstration: &Demonstration, t
         .map(|(turn, row)| distance(turn, row))
         .collect();
     let drift = distances.iter().copied().fold(0.0, f32::max);
+    let measured = measurements(turns, task.specification().measurements.len());
     Replayed {
         demo,
         steps: turns.len().saturating_sub(1),
@@ -146,6 +152,7 @@ fn compared(task: &GymnasiumTask, demo: DemoId, demonstration: &Demonstration, t
         drift: f64::from(drift),
         state_drift: None,
         left_at: distances.iter().position(|distance| *distance > LEFT),
-        score: task.heuristic().score(&measurements(turns, task.specification().measurements.len())),
+        score: task.heuristic().score(&measured),
+        succeeded: task.succeeded(&measured),
     }
 }

@@ -15,13 +15,14 @@ use crate::turn::{Turn, TurnSizes, f64s};
 use crate::whole::{self, Act, Sizes, Turns};
 
 /// The version of the frames, the same in `python/demosift/worker.py`.
-pub(crate) const PROTOCOL: u32 = 4;
+pub(crate) const PROTOCOL: u32 = 5;
 const OPEN: u8 = b'O';
 const MEASURE: u8 = b'M';
 const RESET: u8 = b'R';
 const STEP: u8 = b'S';
 const PUT: u8 = b'I';
 const STATE: u8 = b'Q';
+const VIEW: u8 = b'V';
 const NUMBERS: u8 = b'A';
 const GREETING: u8 = b'G';
 pub(crate) const DONE: u8 = b'K';
@@ -92,10 +93,29 @@ impl Session {
     /// # Errors
     /// `is_bad_input` if there is no such interpreter or environment, or one that cannot be used.
     pub(crate) fn open(interpreter: &Interpreter, source: &Source, own: &Own) -> Result<(Self, Greeting)> {
+        Self::open_as(interpreter, source, own, false)
+    }
+
+    /// The same of an environment that can be looked at.
+    pub(crate) fn open_to_view(
+        interpreter: &Interpreter,
+        source: &Source,
+        own: &Own,
+    ) -> Result<(Self, Greeting)> {
+        Self::open_as(interpreter, source, own, true)
+    }
+
+    fn open_as(
+        interpreter: &Interpreter,
+        source: &Source,
+        own: &Own,
+        to_view: bool,
+    ) -> Result<(Self, Greeting)> {
         let mut process = Process::start(interpreter)?;
         let what = format!("the start of {}", source.words());
         let mut asked = source.request();
         asked["own"] = own.request();
+        asked["pictures"] = to_view.into();
         let answer = process.ask(OPEN, asked.to_string().as_bytes(), &what)?;
         if answer.letter == PROBLEM {
             let problem = problem(&answer, &what)?;
@@ -153,6 +173,17 @@ impl Session {
         Ok(f64s(&answer.payload).collect())
     }
 
+    /// What it looks like now, in a picture of at most so many columns and rows.
+    pub(crate) fn view(&mut self, most: [u32; 2]) -> Result<View> {
+        let payload: Vec<u8> = most.iter().flat_map(|side| side.to_le_bytes()).collect();
+        let answer = self.ask(VIEW, &payload, "a look at it")?;
+        let view = if answer.letter == VIEW { View::read(&answer.payload) } else { None };
+        self.sound = view.is_some();
+        view.ok_or_else(|| {
+            Error::simulation("the worker's answer to a look at the environment is no picture")
+        })
+    }
+
     /// Plays whole episodes of one policy, one for each of `acts`, in the process if it has what plays there.
     pub(crate) fn play(&mut self, sizes: &Sizes, acts: &[Act<'_>]) -> Result<Vec<Parts>> {
         if !self.plays {
@@ -202,6 +233,29 @@ impl Session {
             return Err(Error::simulation("the worker's answer to a step is no turn"));
         }
         Ok(())
+    }
+}
+
+/// A picture of an environment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Red, green, blue of each pixel, row after row from the top; `[height · width · 3]`.
+    pub rgb: Vec<u8>,
+}
+
+impl View {
+    fn read(payload: &[u8]) -> Option<Self> {
+        let (head, rgb) = payload.split_at_checked(8)?;
+        let mut sides = head
+            .chunks_exact(4)
+            .map(|side| u32::from_le_bytes([side[0], side[1], side[2], side[3]]) as usize);
+        let (width, height) = (sides.next()?, sides.next()?);
+        let is_whole = width.checked_mul(height)?.checked_mul(3)? == rgb.len() && !rgb.is_empty();
+        is_whole.then(|| Self { width, height, rgb: rgb.to_vec() })
     }
 }
 

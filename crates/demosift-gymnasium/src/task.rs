@@ -226,6 +226,12 @@ impl GymnasiumTask {
         Ok(session)
     }
 
+    /// An environment that can be looked at, in a process of its own; nothing of info is measured.
+    pub(crate) fn session_to_view(&self) -> Result<Session> {
+        let Opened { interpreter, source, .. } = &*self.0;
+        Ok(Session::open_to_view(interpreter, source, &Own::default())?.0)
+    }
+
     /// Names of the numbers of info that are measured.
     pub(crate) fn info_measured(&self) -> &[String] {
         &self.0.specification.measurements[ALWAYS.len()..]

@@ -82,6 +82,11 @@ pub fn play(turns: &mut dyn Turns, sizes: &Sizes, act: &Act<'_>) -> Result<Parts
     })
 }
 
+/// What an environment is reset with in the episode of this seed.
+pub(crate) fn reset_seed(seed: &Seed) -> u64 {
+    u64::from(seed.of("reset").into_rng().next_u32())
+}
+
 /// The same where `choose` fills the action `[act]` on an observation, where −1 and 1 are the ends of what is possible.
 ///
 /// # Errors
@@ -102,7 +107,7 @@ pub(crate) fn play_by(
         ended: Ended::Horizon,
     };
     let (mut turn, mut action, mut own) = (Turn::default(), vec![0.0; width], vec![0.0; width]);
-    turns.reset(u64::from(seed.of("reset").into_rng().next_u32()), &mut turn)?;
+    turns.reset(reset_seed(seed), &mut turn)?;
     parts.observations.push(&turn.observation);
     parts.measurements.push(&vec![0.0; BEFORE_INFO + info]);
     while parts.actions.len() < *horizon && parts.ended == Ended::Horizon {

@@ -153,7 +153,7 @@ fn c_4_planted_good_demonstrations_come_first_by_cloning_too() {
             assert_ne!(of.before[0], of.before[1], "each repeat starts from a policy of its own");
         }
         let panel = experiment::panel(run).unwrap();
-        assert_eq!(panel.decides, Judges::Both);
+        assert!(panel.decides.each().contains(&Judge::Cloning), "{:?}", panel.decides);
         assert!(panel.opinions[0].agrees_with_itself.unwrap() > 0.5);
     }
 }

@@ -13,8 +13,11 @@ use demosift::world::heuristic::Score;
 use demosift::world::policy::Policy;
 use demosift::world::rollout::{self, Acting};
 use demosift::{Error, Result};
+use demosift_gymnasium::pictures::Reel;
+use demosift_gymnasium::replay as replay_in_env;
+use demosift_gymnasium::task::GymnasiumTask;
 use demosift_mujoco::mujoco_task::MujocoTask;
-use demosift_mujoco::pictures::film::{self, Film, Take, Wanted};
+use demosift_mujoco::pictures::film::{self, Film, OfStates, Recorded, Take, Wanted};
 use demosift_mujoco::pictures::render::Viewpoint;
 use demosift_mujoco::replay;
 
@@ -23,10 +26,12 @@ use crate::arguments::{PictureArguments, PlayArguments, SetArguments};
 use crate::console::terminal::{self, Progress};
 use crate::files::picture_folder::PictureFolder;
 use crate::job;
+use crate::job::as_recorded::AsRecorded;
 use crate::job::demonstrations::{self, Demonstrations};
 use crate::job::run_folder::{self, Identity};
 use crate::tables::{self, Scale};
-use crate::task::simulator;
+use crate::task::reels;
+use crate::task::simulator::{self, Simulated};
 use crate::task::{self, Chosen};
 
 /// One episode, played or replayed.
@@ -36,8 +41,16 @@ struct Episode {
     steps: usize,
     score: Score,
     succeeded: Option<bool>,
-    /// What pictures are made of; a task without a simulator has none.
-    states: Option<StateLog>,
+    /// What pictures are made of; a task without a simulator has nothing.
+    seen: Option<Seen>,
+}
+
+/// What pictures of an episode are made of.
+enum Seen {
+    /// The states of MuJoCo, one per step.
+    States(StateLog),
+    /// An episode of an environment in Python, which is played again.
+    Reel(Box<Reel>),
 }
 
 pub(crate) fn run(arguments: &PlayArguments) -> Result<()> {
@@ -102,12 +115,18 @@ fn play(chosen: &Chosen, path: &Path, arguments: &PlayArguments) -> Result<Vec<E
     let policy = &policy;
     let asked = seeds.iter().map(|seed| Asked { policy, acting, variant, seed, keep_states: true });
     let played = rollout::play_episodes(&playground, &asked.collect::<Vec<_>>())?;
-    let episodes = played.into_iter().enumerate().map(|(number, Rollout { trajectory, states })| Episode {
+    let played = played.into_iter().zip(&seeds).enumerate();
+    let episodes = played.map(|(number, (Rollout { trajectory, states }, seed))| Episode {
         name: format!("episode {number}"),
         steps: trajectory.steps(),
         score: playground.score(&trajectory),
         succeeded: playground.task().succeeded(trajectory.measurements()),
-        states,
+        seen: match &chosen.simulated {
+            Some(Simulated { task, .. }) => {
+                Some(Seen::Reel(Box::new(Reel::of_episode(task, seed, &trajectory))))
+            }
+            None => states.map(Seen::States),
+        },
     });
     Ok(episodes.collect())
 }
@@ -150,6 +169,9 @@ pub(crate) fn read_policy(path: &Path, specification: &Specification) -> Result<
 
 /// Demonstrations as they were recorded, in the order in which they are named.
 fn replay(chosen: &Chosen, data: &Path, arguments: &PlayArguments) -> Result<Vec<Episode>> {
+    if let Some(simulated) = &chosen.simulated {
+        return replay_in_python(&simulated.task, data, arguments);
+    }
     let task = in_mujoco(chosen, "replay")?;
     let Demonstrations { set, source, path, .. } =
         &demonstrations::open(Some(data), &SetArguments::of(&arguments.storage), None, Some(chosen))?;
@@ -173,10 +195,46 @@ fn replay(chosen: &Chosen, data: &Path, arguments: &PlayArguments) -> Result<Vec
             steps: demonstration.steps(),
             score: chosen.task.heuristic().score(&measured),
             succeeded: chosen.task.succeeded(&measured),
-            states: Some(states.clone()),
+            seen: Some(Seen::States(states.clone())),
         })
     });
     episodes.collect()
+}
+
+/// The same in an environment in Python, where recorded actions are played again from where a demonstration began.
+fn replay_in_python(task: &GymnasiumTask, data: &Path, arguments: &PlayArguments) -> Result<Vec<Episode>> {
+    let opened = &demonstrations::open_unchecked(Some(data), &SetArguments::of(&arguments.storage), None)?;
+    let as_recorded = AsRecorded::of(task, opened, usize::MAX)?;
+    let AsRecorded { set, starts } = &as_recorded;
+    let ids = match &arguments.demonstration[..] {
+        [] => set.ids(),
+        named => named.iter().map(|id| find(set, *id).map(|(id, _)| DemoId(id))).collect::<Result<_>>()?,
+    };
+    let unknown = ids.iter().find(|demo| Reel::of_demonstration(starts, **demo, set.get(**demo)).is_none());
+    if let Some(demo) = unknown {
+        return Err(Error::bad_input(format!(
+            "the set does not say from which seed or state demonstration {demo} began, so it cannot be played again"
+        ))
+        .at(&opened.path)
+        .with_hint("sets of Minari keep the seed of each episode, and those of robomimic their states"));
+    }
+    let replayed = replay_in_env::replayed(task, set, starts, &ids)?;
+    let episodes = ids.iter().zip(replayed).map(|(demo, replayed)| {
+        if let Some(step) = replayed.left_at {
+            terminal::note(&format!(
+                "demonstration {demo}: its recorded actions lead elsewhere from step {step} on than they did"
+            ));
+        }
+        let reel = Reel::of_demonstration(starts, *demo, set.get(*demo));
+        Episode {
+            name: format!("demonstration {demo}"),
+            steps: replayed.steps,
+            score: replayed.score,
+            succeeded: replayed.succeeded,
+            seen: reel.map(|reel| Seen::Reel(Box::new(reel))),
+        }
+    });
+    Ok(episodes.collect())
 }
 
 fn find(set: &DemonstrationSet, id: usize) -> Result<(usize, &demosift::data::demonstration::Demonstration)> {
@@ -189,7 +247,7 @@ fn find(set: &DemonstrationSet, id: usize) -> Result<(usize, &demosift::data::de
     Ok((id, set.get(DemoId(id))))
 }
 
-/// The task, if there is a simulator behind it.
+/// The task, if it is one in MuJoCo.
 fn in_mujoco<'c>(chosen: &'c Chosen, what: &str) -> Result<&'c MujocoTask> {
     chosen.mujoco.as_ref().ok_or_else(|| {
         Error::bad_input(format!(
@@ -202,16 +260,22 @@ fn in_mujoco<'c>(chosen: &'c Chosen, what: &str) -> Result<&'c MujocoTask> {
 
 /// Where pictures are made; opened before anything is played, since it says what is wrong with the arguments.
 struct Studio<'c> {
-    task: &'c MujocoTask,
-    viewpoint: Viewpoint,
+    place: Place<'c>,
+    step_secs: f64,
     wanted: Wanted,
     out: PathBuf,
+}
+
+/// From where episodes are looked at.
+enum Place<'c> {
+    InMujoco(&'c MujocoTask, Viewpoint),
+    InPython(reels::Camera),
 }
 
 impl<'c> Studio<'c> {
     /// `None` if no pictures are wanted; without a folder for them they go beside this one.
     fn open(chosen: &'c Chosen, arguments: &PictureArguments, beside: PathBuf) -> Result<Option<Self>> {
-        let PictureArguments { frames, sheet, clip, moments, size, .. } = *arguments;
+        let PictureArguments { frames, sheet, clip, moments, .. } = *arguments;
         if !(frames || sheet || clip) {
             return match &arguments.out {
                 None => Ok(None),
@@ -223,38 +287,33 @@ impl<'c> Studio<'c> {
         if moments == 0 {
             return Err(Error::bad_config("--moments 0: must be at least 1"));
         }
-        let task = in_mujoco(chosen, "look at")?;
-        let camera = arguments.camera.as_deref().or(task.camera()).ok_or_else(|| {
-            Error::bad_input(format!("the model of '{}' has no camera to look from", chosen.name))
-                .with_hint("add a <camera name=\"side\" .../> to it")
-        })?;
         let out = arguments.out.clone().unwrap_or_else(|| {
             let mut folder = beside.into_os_string();
             folder.push("_pictures");
             folder.into()
         });
         PictureFolder::check(&out)?;
-        let viewpoint = Viewpoint::new(task, camera, size.0, size.1)?;
+        let place = Place::open(chosen, arguments)?;
         let wanted = Wanted { frames, sheet: sheet.then_some(moments), clip };
-        Ok(Some(Self { task, viewpoint, wanted, out }))
+        Ok(Some(Self { place, step_secs: chosen.task.specification().control_step_secs, wanted, out }))
     }
 
     /// Makes the pictures; returns their folder.
-    fn film(mut self, episodes: &[Episode], unit: &str) -> Result<PathBuf> {
-        let takes: Vec<Take<'_>> = episodes
+    fn film(self, episodes: &[Episode], unit: &str) -> Result<PathBuf> {
+        let seen: Vec<(&Episode, &Seen)> =
+            episodes.iter().filter_map(|episode| Some((episode, episode.seen.as_ref()?))).collect();
+        let takes: Vec<Take> = seen
             .iter()
-            .filter_map(|episode| {
-                let label = label(episode, unit);
-                episode.states.as_ref().map(|states| Take { label, states, steps: episode.steps })
-            })
+            .map(|(episode, _)| Take { label: label(episode, unit), steps: episode.steps })
             .collect();
+        let mut camera = self.place.before(&seen);
         let folder = PictureFolder::begin(&self.out)?;
         let mut progress = Progress::of_bar_only();
         let made =
-            film::film(self.task, &mut self.viewpoint, &takes, self.wanted, &mut progress, &mut |film| {
+            film::film(camera.as_mut(), &takes, self.step_secs, self.wanted, &mut progress, &mut |film| {
                 match film {
                     Film::Frame { take, step, png } => {
-                        let name = episodes[take].name.replace(' ', "_");
+                        let name = seen[take].0.name.replace(' ', "_");
                         folder.add(&format!("frames/{name}/step_{step:04}.png"), &png)
                     }
                     Film::Sheet(png) => folder.add("sheet.png", &png),
@@ -265,6 +324,51 @@ impl<'c> Studio<'c> {
         made?;
         folder.finish()?;
         Ok(self.out)
+    }
+}
+
+impl<'c> Place<'c> {
+    fn open(chosen: &'c Chosen, arguments: &PictureArguments) -> Result<Self> {
+        let (width, height) = arguments.size;
+        if let Some(simulated) = &chosen.simulated {
+            if arguments.camera.is_some() {
+                return Err(Error::bad_config(
+                    "--camera: an environment in Python is looked at as it renders itself",
+                ));
+            }
+            let side = |pixels: usize| u32::try_from(pixels).unwrap_or(u32::MAX).max(1);
+            let size = [side(width), side(height)];
+            return Ok(Self::InPython(reels::Camera::open(&simulated.task, size)?));
+        }
+        let task = in_mujoco(chosen, "look at")?;
+        let camera = arguments.camera.as_deref().or(task.camera()).ok_or_else(|| {
+            Error::bad_input(format!("the model of '{}' has no camera to look from", chosen.name))
+                .with_hint("add a <camera name=\"side\" .../> to it")
+        })?;
+        Ok(Self::InMujoco(task, Viewpoint::new(task, camera, width, height)?))
+    }
+
+    /// With these episodes before it.
+    fn before<'e>(self, seen: &'e [(&'e Episode, &'e Seen)]) -> Box<dyn film::Camera + 'e>
+    where
+        'c: 'e,
+    {
+        match self {
+            Self::InMujoco(task, viewpoint) => {
+                let states = seen.iter().filter_map(|(episode, seen)| match seen {
+                    Seen::States(states) => Some(Recorded { states, steps: episode.steps }),
+                    Seen::Reel(_) => None,
+                });
+                Box::new(OfStates::new(task, viewpoint, states.collect()))
+            }
+            Self::InPython(camera) => {
+                let reels = seen.iter().filter_map(|(_, seen)| match seen {
+                    Seen::Reel(reel) => Some(reel.as_ref()),
+                    Seen::States(_) => None,
+                });
+                Box::new(camera.before(reels.collect()))
+            }
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Arguments as typed become a job: everything is read and checked before the run folder is touched.
 
+pub(crate) mod as_recorded;
 pub(crate) mod demonstrations;
 pub(crate) mod fit;
 pub(crate) mod given_prior;

@@ -2,7 +2,8 @@
 // Demonstration, agent before, and agent after by each judge, side by side: one scene that takes the pose of each in turn.
 
 (function () {
-  const { scene: model, episodes, missing } = replay;
+  const { scene: model, episodes, films, missing } = replay;
+  if (films.length) return;
   const section = document.getElementById("replay");
   section.append(el("h2", {}, "Replay"));
   if (!model || !episodes.length) {

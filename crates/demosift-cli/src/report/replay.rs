@@ -1,4 +1,7 @@
-//! What the page plays: each demonstration, and the agent before and after imitating it.
+//! What the page plays: each demonstration, and the agent before and after imitating it; from the states of MuJoCo, or in
+//! pictures of an environment in Python.
+
+mod filmed;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -25,6 +28,8 @@ const MOST_BYTES: usize = 5_500_000;
 pub(crate) struct Replay {
     scene: Option<Scene>,
     episodes: Vec<Episode>,
+    /// Of an environment in Python.
+    films: Vec<filmed::Film>,
     /// What is missing, and why.
     missing: Option<String>,
     /// Which demonstrations are looked at, by rank, where these are not all.
@@ -64,7 +69,13 @@ struct Cast {
 
 impl Replay {
     fn none(why: &str) -> Self {
-        Self { scene: None, episodes: Vec::new(), missing: Some(why.to_owned()), demos: None }
+        Self {
+            scene: None,
+            episodes: Vec::new(),
+            films: Vec::new(),
+            missing: Some(why.to_owned()),
+            demos: None,
+        }
     }
 }
 
@@ -75,10 +86,15 @@ pub(crate) fn of(job: &mut Job, demos: &[DemoId]) -> Result<Replay> {
 }
 
 fn tried(job: &mut Job, demos: &[DemoId]) -> Result<Replay> {
-    let Some(task) = job.chosen().mujoco.clone() else {
-        return Ok(Replay::none("This task has no MuJoCo model, so there is nothing to draw."));
+    let (mujoco, simulated) = (job.chosen().mujoco.clone(), job.chosen().simulated.as_ref());
+    let replay = match (mujoco, simulated.map(|simulated| simulated.task.clone())) {
+        (Some(task), _) => played(&task, job, demos),
+        (None, Some(task)) => filmed::played(&task, job, demos),
+        (None, None) => {
+            return Ok(Replay::none("This task has no MuJoCo model, so there is nothing to draw."));
+        }
     };
-    match played(&task, job, demos) {
+    match replay {
         // A replay that cannot be had is no reason to go without the report.
         Err(error) if !error.is_io() => Ok(Replay::none(&format!("There is no replay: {}", error.message()))),
         replay => replay,
@@ -86,7 +102,7 @@ fn tried(job: &mut Job, demos: &[DemoId]) -> Result<Replay> {
 }
 
 fn played(task: &MujocoTask, job: &mut Job, demos: &[DemoId]) -> Result<Replay> {
-    let shown = agent(job, demos)?;
+    let agent = agent(job, demos)?.into_iter().filter_map(|of| of_agent(of.judge, of.shown));
     let recorded = job.states();
     let played =
         recorded.and_then(|recorded| demonstrations(task, job, demos, &recorded.unwrap_or_default()));
@@ -101,12 +117,12 @@ fn played(task: &MujocoTask, job: &mut Job, demos: &[DemoId]) -> Result<Replay> 
         }
         Err(error) => return Err(error),
     };
-    cast.extend(shown);
+    cast.extend(agent);
     let scene = scene::scene(task)?;
     let steps = cast.iter().map(|cast| cast.steps).sum();
     let stride = scene::stride(&scene, steps, MOST_BYTES);
     let episodes = cast.iter().map(|cast| episode(task, cast, stride)).collect::<Result<_>>()?;
-    Ok(Replay { scene: Some(scene), episodes, missing, demos: None })
+    Ok(Replay { scene: Some(scene), episodes, films: Vec::new(), missing, demos: None })
 }
 
 /// The demonstrations whose states are known, with what they scored themselves.
@@ -138,25 +154,36 @@ fn demonstrations(
     cast.collect()
 }
 
-fn of_agent(judge: Judge, shown: Shown) -> Cast {
-    let (part, demo) = match shown.moment {
-        Moment::Before => ("before", None),
-        Moment::After(demo) => ("after", Some(demo.0)),
-    };
-    Cast {
+fn of_agent(judge: Judge, shown: Shown) -> Option<Cast> {
+    let (part, demo) = part_of(shown.moment);
+    Some(Cast {
         part,
         judge: Some(judge),
         demo,
         variant: Some(shown.variant.0),
-        steps: shown.steps,
+        steps: shown.played.steps(),
         score: shown.score,
         succeeded: shown.succeeded,
-        states: shown.states,
+        states: shown.states?,
+    })
+}
+
+/// The name of a part of the page, and the demonstration that it is about.
+fn part_of(moment: Moment) -> (&'static str, Option<usize>) {
+    match moment {
+        Moment::Before => ("before", None),
+        Moment::After(demo) => ("after", Some(demo.0)),
     }
 }
 
+/// An episode of the agent of one judge.
+struct OfAgent {
+    judge: Judge,
+    shown: Shown,
+}
+
 /// What each judge's agent did before and after imitating each demonstration.
-fn agent(job: &mut Job, demos: &[DemoId]) -> Result<Vec<Cast>> {
+fn agent(job: &mut Job, demos: &[DemoId]) -> Result<Vec<OfAgent>> {
     job.run(|run| {
         let mut cast = Vec::new();
         for &judge in run.config.judges.each() {
@@ -165,7 +192,7 @@ fn agent(job: &mut Job, demos: &[DemoId]) -> Result<Vec<Cast>> {
                 (experiment::judging(run, judge), experiment::judging_seed(run.config, judge));
             let start = experiment::first_start(run, judge)?;
             let shown = report::agent_episodes(run.playground, &start, &judged, &judging, &seed, demos)?;
-            cast.extend(shown.into_iter().map(|shown| of_agent(judge, shown)));
+            cast.extend(shown.into_iter().map(|shown| OfAgent { judge, shown }));
         }
         Ok(cast)
     })

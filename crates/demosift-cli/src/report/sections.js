@@ -11,6 +11,9 @@ const scoreDecimals = decimalsFor(report.entries.flatMap((entry) => [entry.after
 // Of a large set not all are looked at.
 const looked = replay.demos ? new Set(replay.demos) : null;
 const isLooked = (demo) => !looked || looked.has(demo);
+// Pictures take more room than poses, so fewer demonstrations are filmed.
+const filmed = replay.films.length ? new Set(replay.films.map((film) => film.demo)) : null;
+const isPlayed = (demo) => isLooked(demo) && (!filmed || filmed.has(demo));
 const whichLooked = looked ? ` Of the ${count(report.entries.length)} demonstrations these are ${looked.size}: the best, the worst, and those near the cut.` : "";
 const keptDemos = report.entries.filter((entry) => entry.kept).map((entry) => entry.demo);
 // Nobody reads a list of hundreds; the table below has them all.
@@ -88,7 +91,7 @@ function ranking() {
   const domain = [low - pad, high + pad];
   const narrow = matchMedia("(max-width: 720px)").matches;
   const width = narrow ? 118 : 260;
-  const shows = replay.episodes.length > 0;
+  const shows = replay.episodes.length + replay.films.length > 0;
   const head = el("tr", {},
     el("th", {}, narrow ? "" : "rank"), el("th", { class: "left" }, narrow ? "demo" : "demonstration"), el("th", { class: "wide" }, "steps"),
     el("th", { class: "wide" }, inUnit("after")), el("th", {}, inUnit("gain")),
@@ -98,7 +101,7 @@ function ranking() {
     class: [entry.kept ? "kept" : "", place && entries[place - 1].group !== entry.group ? "newgroup" : ""].join(" ").trim() || null,
   },
     el("td", {}, `${place + 1}`),
-    el("td", { class: "left" }, shows && isLooked(entry.demo)
+    el("td", { class: "left" }, shows && isPlayed(entry.demo)
       ? el("button", { class: "link", title: "replay it", on: { click: () => window.showDemonstration?.(entry.demo) } }, `${entry.demo}`)
       : `${entry.demo}`),
     el("td", { class: "wide" }, `${entry.steps}`),

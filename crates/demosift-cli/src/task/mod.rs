@@ -1,5 +1,6 @@
 //! Which task is meant: one that comes with demosift, or a user's own.
 
+pub(crate) mod reels;
 pub(crate) mod simulator;
 pub(crate) mod trainer;
 

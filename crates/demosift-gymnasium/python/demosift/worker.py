@@ -13,6 +13,7 @@ What is asked and answered are frames: the length of the payload (u32), one lett
 | `S` step | action in the environment's own unit, f64 each | `T` turn | see `turn` |
 | `I` into a recorded state | length of the model's text, u32, 0 if there is none; the text; the state, f64 each | `T` turn | see `turn` |
 | `Q` which state | none | `A` state | f64 each |
+| `V` view | the most columns and rows of a picture, u32 each | `V` view | columns and rows, u32 each; red, green, blue of each pixel, u8 each |
 | `P` play | policy and seeds, see `src/whole.rs` | `W` played | episodes; before it may stand any number of `H`, for "still playing" |
 | `L` learn with | JSON: trainer, sizes of an observation and an action | `K` done | JSON: versions |
 | `D` demonstration | its number of steps, u32; observations and actions, f32 each | `K` done | none |
@@ -32,8 +33,8 @@ import struct
 import sys
 from collections.abc import Mapping
 
-PROTOCOL = 4
-LETTERS = {"open": b"O", "measure": b"M", "reset": b"R", "step": b"S", "play": b"P", "put": b"I", "state": b"Q"}
+PROTOCOL = 5
+LETTERS = {"open": b"O", "measure": b"M", "reset": b"R", "step": b"S", "play": b"P", "put": b"I", "state": b"Q", "view": b"V"}
 LEARNING = {"learn": b"L", "demonstration": b"D", "train": b"N", "begin": b"B", "act": b"A"}
 TERMINATED, TRUNCATED = 1, 2
 #: What every environment measures, and the name of what a function says of a whole episode.
@@ -78,8 +79,14 @@ def take_streams():
 
 
 def make(asked):
-    """The environment that is asked for."""
+    """The environment that is asked for; one that is to be looked at draws into arrays."""
+    look = {"render_mode": "rgb_array"} if asked.get("pictures") else {}
+    if look and not os.environ.get("DISPLAY"):
+        # Where there is no screen, MuJoCo draws off it.
+        os.environ.setdefault("MUJOCO_GL", "egl")
     if asked.get("kind") == "robosuite":
+        if look:
+            raise Refused("pictures are not made of environments of robosuite")
         return module_of(asked["adapter"], "demosift_robosuite").make(asked["robosuite"], asked["longest"], Refused)
     import gymnasium
 
@@ -87,11 +94,37 @@ def make(asked):
         spec = spec_of(asked["spec"])
         if not asked.get("trust"):
             check_registered(spec)
-        return gymnasium.make(spec, disable_env_checker=True)
+        return gymnasium.make(spec, disable_env_checker=True, **look)
     if asked["kind"] == "gymnasium":
-        return gymnasium.make(asked["name"], disable_env_checker=True)
+        return gymnasium.make(asked["name"], disable_env_checker=True, **look)
     found = named(asked)
-    return found() if callable(found) else found
+    if not callable(found):
+        return found
+    return found(**look) if look and takes(found, "render_mode") else found()
+
+
+def follow(env):
+    """Looks from the camera that follows the robot, where a model of MuJoCo has one and nobody chose another."""
+    try:
+        import mujoco
+
+        inner = env.unwrapped
+        camera = mujoco.mj_name2id(inner.model, mujoco.mjtObj.mjOBJ_CAMERA, "track")
+        if camera >= 0 and inner.camera_id is None and inner.camera_name is None:
+            inner.mujoco_renderer.camera_id = camera
+    except (ImportError, AttributeError):
+        return
+
+
+def takes(function, name):
+    """Whether a function can be called with an argument of this name."""
+    import inspect
+
+    try:
+        parameters = inspect.signature(function).parameters
+    except (TypeError, ValueError):
+        return False
+    return name in parameters or any(one.kind is inspect.Parameter.VAR_KEYWORD for one in parameters.values())
 
 
 def named(asked):
@@ -475,6 +508,30 @@ class Player:
     def state(self):
         return self.numpy.asarray(self.env.unwrapped.state(), dtype=self.doubles).tobytes()
 
+    def view(self, most_columns, most_rows):
+        """What the environment looks like now, made smaller by a whole number to fit."""
+        mode = getattr(self.env, "render_mode", None)
+        if mode != "rgb_array":
+            raise Refused(
+                f"it has the render_mode {mode!r}, and pictures are made of 'rgb_array'",
+                "let the function that makes it take render_mode, or make it with render_mode=\"rgb_array\"",
+            )
+        picture = self.numpy.asarray(self.env.render())
+        if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != self.numpy.uint8 or not picture.size:
+            raise Refused(
+                f"its render() returned {picture.dtype} of the shape {picture.shape}, and a picture is uint8 of the shape "
+                "(rows, columns, 3)"
+            )
+        rows, columns, _ = picture.shape
+        by = max(-(-rows // most_rows), -(-columns // most_columns))
+        if by > 1:
+            # Smaller than that in one direction it would be nothing.
+            rows, columns = max(rows // by, 1), max(columns // by, 1)
+            picture = picture[: rows * by, : columns * by]
+            blocks = picture.reshape(rows, picture.shape[0] // rows, columns, picture.shape[1] // columns, 3)
+            picture = blocks.mean(axis=(1, 3)).round().astype(self.numpy.uint8)
+        return struct.pack("<II", columns, rows) + self.numpy.ascontiguousarray(picture).tobytes()
+
     def turn(self, observation, reward, terminated, truncated, info):
         """u8 with bits 1 terminated and 2 truncated, reward f64, observation f32 each, measured numbers f64 each."""
         flags = (TERMINATED if terminated else 0) | (TRUNCATED if truncated else 0)
@@ -679,11 +736,15 @@ class Desk:
             return b"T", self.player.put(payload)
         if letter == LETTERS["state"]:
             return b"A", self.player.state()
+        if letter == LETTERS["view"]:
+            return b"V", self.player.view(*struct.unpack("<II", payload))
         asked = json.loads(payload)
         if letter == LETTERS["measure"]:
             return b"K", self.measure(asked)
         if letter == LETTERS["open"]:
             self.player = Player(make(asked), asked.get("own"))
+            if asked.get("pictures"):
+                follow(self.player.env)
             greeting = self.player.greeting(asked.get("limit"))
             # After the environment, which may bring a MuJoCo of its own.
             self.episodes, greeting["player"] = player_of_episodes()

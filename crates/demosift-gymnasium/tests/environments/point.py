@@ -53,6 +53,20 @@ class Point(gymnasium.Env):
         return numpy.concatenate([self.position, self.velocity])
 
 
+class Drawn(Point):
+    """Draws where it is, a red square on white paper of 160 x 120 pixels."""
+
+    def __init__(self, render_mode=None):
+        super().__init__()
+        self.render_mode = render_mode
+
+    def render(self):
+        picture = numpy.full((120, 160, 3), 255, dtype=numpy.uint8)
+        column, row = int(80 + 40 * self.position[0]), int(60 - 40 * self.position[1])
+        picture[max(row - 4, 0) : max(row + 4, 0), max(column - 4, 0) : max(column + 4, 0)] = (200, 0, 0)
+        return picture
+
+
 class Still(Point):
     """Starts at the origin, whatever the seed."""
 
@@ -65,6 +79,16 @@ def make():
 
 def limited():
     return gymnasium.wrappers.TimeLimit(Point(), 30)
+
+
+def drawn(render_mode=None):
+    return gymnasium.wrappers.TimeLimit(Drawn(render_mode), 30)
+
+
+def draws_nothing(render_mode=None):
+    point = Drawn(render_mode)
+    point.render = lambda: None
+    return point
 
 
 def raises():

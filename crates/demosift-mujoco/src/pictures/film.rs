@@ -2,7 +2,6 @@
 
 use demosift::basics::observer::{Event, Observer};
 use demosift::data::trajectory::StateLog;
-use demosift::world::environment::Task as _;
 use demosift::{Error, Result};
 
 use crate::mujoco_task::MujocoTask;
@@ -22,13 +21,63 @@ const MARGIN: usize = 6;
 
 /// An episode to be filmed.
 #[derive(Clone, Debug)]
-pub struct Take<'a> {
+pub struct Take {
     /// What is written above its pictures.
     pub label: String,
-    /// The simulator's states, one per step.
+    /// How many steps it has.
+    pub steps: usize,
+}
+
+/// Whatever can show episodes.
+pub trait Camera {
+    /// Pixels in a row of its pictures.
+    fn width(&self) -> usize;
+
+    /// What a step of one of the episodes looks like; they are asked for one after the other, and the steps of each in order.
+    ///
+    /// # Errors
+    /// If the simulator or rendering fails.
+    fn picture(&mut self, take: usize, step: usize) -> Result<Picture>;
+}
+
+/// Shows episodes of a task in MuJoCo, from their states.
+pub struct OfStates<'a> {
+    task: &'a MujocoTask,
+    viewpoint: Viewpoint,
+    states: Vec<Recorded<'a>>,
+    /// Which of them is shown.
+    shown: Option<(usize, Replay<'a>)>,
+}
+
+/// The states of an episode, one per step.
+#[derive(Clone, Copy, Debug)]
+pub struct Recorded<'a> {
+    /// The simulator's states.
     pub states: &'a StateLog,
     /// How many there are.
     pub steps: usize,
+}
+
+impl<'a> OfStates<'a> {
+    /// Looks at these episodes from one place.
+    pub fn new(task: &'a MujocoTask, viewpoint: Viewpoint, states: Vec<Recorded<'a>>) -> Self {
+        Self { task, viewpoint, states, shown: None }
+    }
+}
+
+impl Camera for OfStates<'_> {
+    fn width(&self) -> usize {
+        self.viewpoint.width()
+    }
+
+    fn picture(&mut self, take: usize, step: usize) -> Result<Picture> {
+        if self.shown.as_ref().is_none_or(|(shown, _)| *shown != take) {
+            let Recorded { states, steps } = self.states[take];
+            self.shown = Some((take, Replay::new(self.task, states, steps)?));
+        }
+        let (_, replay) = self.shown.as_mut().expect("it was just put there");
+        self.viewpoint.picture(replay.at(step)?)
+    }
 }
 
 /// What is made of the episodes.
@@ -60,14 +109,14 @@ pub enum Film {
     Clip(Vec<u8>),
 }
 
-/// Films episodes of a task from one viewpoint, and hands over each file as soon as it is complete.
+/// Films episodes whose steps take so many seconds, and hands over each file as soon as it is complete.
 ///
 /// # Errors
-/// `is_bad_input` if states are not of the task, or a sheet of no moments is wanted; else what rendering or `keep` met.
+/// `is_bad_config` if a sheet of no moments is wanted; else what the camera or `keep` met.
 pub fn film(
-    task: &MujocoTask,
-    viewpoint: &mut Viewpoint,
-    takes: &[Take<'_>],
+    camera: &mut dyn Camera,
+    takes: &[Take],
+    step_secs: f64,
     wanted: Wanted,
     observer: &mut dyn Observer,
     keep: &mut dyn FnMut(Film) -> Result<()>,
@@ -75,19 +124,17 @@ pub fn film(
     if wanted.sheet == Some(0) {
         return Err(Error::bad_config("a contact sheet of 0 moments; at least 1 is needed"));
     }
-    let secs = task.specification().control_step_secs;
-    let plans: Vec<Plan> = takes.iter().map(|take| Plan::of(take.steps, wanted, secs)).collect();
+    let plans: Vec<Plan> = takes.iter().map(|take| Plan::of(take.steps, wanted, step_secs)).collect();
     let total = plans.iter().map(Plan::pictures).sum();
     observer.on(Event::Started { stage: STAGE, done: 0, total })?;
     let (mut done, mut rows, mut clip) = (0, Vec::new(), Animation::new());
-    let text_width = viewpoint.width().saturating_sub(2 * MARGIN);
+    let text_width = camera.width().saturating_sub(2 * MARGIN);
     let labels: Vec<_> = takes.iter().map(|take| wrapped(&take.label, text_width)).collect();
     let most_lines = labels.iter().map(Vec::len).max().unwrap_or(0);
     for (number, (take, plan)) in takes.iter().zip(&plans).enumerate() {
-        let mut replay = Replay::new(task, take.states, take.steps)?;
         let mut row = Vec::new();
         for step in (0..take.steps).filter(|step| plan.shows(*step)) {
-            let picture = viewpoint.picture(replay.at(step)?)?;
+            let picture = camera.picture(number, step)?;
             if let Some(shown_secs) = plan.in_clip(step) {
                 clip.show(&labeled(&picture, &labels[number], most_lines), shown_secs)?;
             }
@@ -95,7 +142,7 @@ pub fn film(
                 keep(Film::Frame { take: number, step, png: picture.to_png()? })?;
             }
             let times = plan.moments.iter().filter(|moment| **moment == step).count();
-            row.extend(std::iter::repeat_n((secs * step as f64, picture), times));
+            row.extend(std::iter::repeat_n((step_secs * step as f64, picture), times));
             done += 1;
             observer.on(Event::Advanced { stage: STAGE, done })?;
         }

@@ -54,6 +54,40 @@ impl Picture {
         }
     }
 
+    /// Pictures of one size side by side.
+    pub fn strip(pictures: &[Self]) -> Self {
+        let width = pictures.iter().map(|picture| picture.width).sum();
+        let mut strip = Self::blank(width, pictures.first().map_or(0, |picture| picture.height));
+        let mut left = 0;
+        for picture in pictures {
+            strip.paste(picture, left, 0);
+            left += picture.width;
+        }
+        strip
+    }
+
+    /// The bytes of a PNG file of at most 256 colors, which takes about a third of one of all colors.
+    ///
+    /// # Errors
+    /// If the picture is empty, has not 3 bytes a pixel, or more than 65535 columns or rows.
+    pub fn to_small_png(&self) -> Result<Vec<u8>> {
+        let failed = |error: png::EncodingError| self.cannot("PNG", &error);
+        let sides = [self.width, self.height].map(u16::try_from);
+        let ([Ok(width), Ok(height)], true) = (sides, self.rgb.len() == self.width * self.height * 3) else {
+            return Err(self.cannot("PNG", &"at most 65535 x 65535 of 3 bytes can"));
+        };
+        let frame = gif::Frame::from_rgb_speed(width, height, &self.rgb, COLOR_SEARCH);
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, width.into(), height.into());
+        encoder.set_color(png::ColorType::Indexed);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_palette(frame.palette.unwrap_or_default());
+        encoder.set_compression(png::Compression::High);
+        let mut writer = encoder.write_header().map_err(failed)?;
+        writer.write_image_data(&frame.buffer).and_then(|()| writer.finish()).map_err(failed)?;
+        Ok(bytes)
+    }
+
     /// The bytes of a PNG file.
     ///
     /// # Errors

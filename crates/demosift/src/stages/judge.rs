@@ -551,8 +551,17 @@ impl Effort {
     }
 }
 
-/// One of the episodes in which the agent was scored, played again as it was to the bit, with the simulator's states: before
-/// imitating or after, as the policy is.
+/// An episode that was played again.
+#[derive(Debug)]
+pub struct Replayed {
+    /// What was played, with the simulator's states where it has any.
+    pub rollout: Rollout,
+    /// All its random numbers.
+    pub seed: Seed,
+}
+
+/// One of the episodes in which the agent was scored, played again as it was to the bit: before imitating or after, as the
+/// policy is.
 ///
 /// `seed` is that of [`judge`], and `evaluation` counts the M evaluation seeds from 0.
 pub fn replay(
@@ -562,13 +571,13 @@ pub fn replay(
     variant: EnvVariant,
     evaluation: usize,
     seed: &Seed,
-) -> Result<Rollout> {
+) -> Result<Replayed> {
     let episodes = judging.episodes(playground.specification().horizon);
-    let seeds = evaluation_seeds(&seed_under(seed, playground, variant), episodes);
-    let (acting, seed) = (judging.acting, &seeds[evaluation]);
-    let episode = Episode { policy, acting, variant, seed, keep_states: true };
+    let mut seeds = evaluation_seeds(&seed_under(seed, playground, variant), episodes);
+    let (acting, seed) = (judging.acting, seeds.swap_remove(evaluation));
+    let episode = Episode { policy, acting, variant, seed: &seed, keep_states: true };
     let played = rollout::play_episodes(playground, &[episode])?;
-    Ok(played.into_iter().next().expect("one episode, one rollout"))
+    Ok(Replayed { rollout: played.into_iter().next().expect("one episode, one rollout"), seed })
 }
 
 /// By name, so that a task under one of its variants alone is judged by the same random numbers.

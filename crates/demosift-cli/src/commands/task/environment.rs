@@ -5,11 +5,9 @@ use std::path::Path;
 
 use demosift::Result;
 use demosift::basics::seed::Seed;
-use demosift::data::demonstration::episode::Format;
-use demosift::data::demonstration::{minari, robomimic};
 use demosift::world::environment::{Specification, Task as _};
 use demosift_gymnasium::check::{self, Checked, Recorded, SLOW};
-use demosift_gymnasium::replay::{Replayed, Starts};
+use demosift_gymnasium::replay::Replayed;
 use demosift_gymnasium::task::GymnasiumTask;
 use demosift_gymnasium::trial::Repeats;
 use demosift_mujoco::check::{Finding, Severity, several};
@@ -18,7 +16,8 @@ use super::{outcome, told, unreadable};
 use crate::answers;
 use crate::arguments::{SetArguments, TaskCheckArguments};
 use crate::console::terminal;
-use crate::job::demonstrations::{self, Opened};
+use crate::job::as_recorded::AsRecorded;
+use crate::job::demonstrations;
 use crate::tables::{self, Scale, table, wrapped};
 use crate::task::simulator::Simulated;
 
@@ -72,18 +71,11 @@ pub(super) fn check(simulated: &Simulated, arguments: &TaskCheckArguments) -> Re
 }
 
 fn compare(task: &GymnasiumTask, data: &Path, how: &SetArguments) -> Result<Recorded> {
-    let Opened { source, path, .. } = demonstrations::open_unchecked(Some(data), how, None)?;
-    let set = source.set_of_any_size().map_err(|error| error.at(&path))?;
-    demonstrations::say_what_is_not_read(&source);
-    let starts = match source.format {
-        Format::Robomimic if task.is_put() => {
-            let read = robomimic::read_states(&path, &source, MOST_REPLAYED);
-            Starts::States(read.map_err(|error| error.at(&path))?)
-        }
-        _ => Starts::Seeds(minari::seeds(&path, &source)?),
-    };
+    let opened = demonstrations::open_unchecked(Some(data), how, None)?;
+    let AsRecorded { set, starts } = AsRecorded::of(task, &opened, MOST_REPLAYED)?;
+    demonstrations::say_what_is_not_read(&opened.source);
     check::compare(task, &set, &starts, MOST_REPLAYED).map_err(|error| match error.is_bad_input() {
-        true => error.at(&path),
+        true => error.at(&opened.path),
         false => error,
     })
 }

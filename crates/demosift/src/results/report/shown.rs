@@ -5,8 +5,8 @@
 use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemoId;
-use crate::data::trajectory::StateLog;
-use crate::stages::judge::{self, Judged, Judging, ScoreTable, Suitability};
+use crate::data::trajectory::{StateLog, Trajectory};
+use crate::stages::judge::{self, Judged, Judging, Replayed, ScoreTable, Suitability};
 use crate::stages::select::Ranking;
 use crate::world::environment::{EnvVariant, Rollout};
 use crate::world::heuristic::Score;
@@ -23,20 +23,22 @@ pub enum Moment {
 }
 
 /// One evaluation episode of the agent.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug)]
 pub struct Shown {
     /// Whose.
     pub moment: Moment,
     /// e_j.
     pub variant: EnvVariant,
-    /// Control steps that it lasted.
-    pub steps: usize,
     /// Its own heuristic.
     pub score: Score,
     /// Whether it reached the task's goal, where the task says.
     pub succeeded: Option<bool>,
-    /// The simulator's states, one per step.
-    pub states: StateLog,
+    /// What was played.
+    pub played: Trajectory,
+    /// The simulator's states, one per step, where it has any.
+    pub states: Option<StateLog>,
+    /// All its random numbers.
+    pub seed: Seed,
 }
 
 /// Of so many demonstrations all are looked at.
@@ -60,7 +62,7 @@ pub fn worth_a_look(ranking: &Ranking, kept: usize) -> Vec<DemoId> {
 }
 
 /// For each variant the agent before, then the agent after each of these demonstrations, on the most typical of the evaluation
-/// seeds; nothing where the task has no simulator, or of demonstrations whose policies were not kept, in a large set.
+/// seeds; nothing of demonstrations whose policies were not kept, in a large set.
 ///
 /// `start` is the policy that the first repeats started from, and `seed` is that of judging.
 ///
@@ -85,9 +87,9 @@ pub fn agent_episodes(
         });
         for (of, adapted) in both.filter(|(of, _)| of.variant == variant && demos.contains(&of.demo)) {
             if shown.last().is_none_or(|last: &Shown| last.variant != variant) {
-                shown.extend(look.at(Moment::Before, start, of.before[0][evaluation])?);
+                shown.push(look.at(Moment::Before, start, of.before[0][evaluation])?);
             }
-            shown.extend(look.at(Moment::After(of.demo), &adapted.policy, of.after[0][evaluation])?);
+            shown.push(look.at(Moment::After(of.demo), &adapted.policy, of.after[0][evaluation])?);
         }
     }
     Ok(shown)
@@ -115,9 +117,10 @@ struct Look<'a> {
 }
 
 impl Look<'_> {
-    fn at(&self, moment: Moment, policy: &Policy, scored: Score) -> Result<Option<Shown>> {
+    fn at(&self, moment: Moment, policy: &Policy, scored: Score) -> Result<Shown> {
         let Self { playground, judging, variant, evaluation, seed } = *self;
-        let rollout = judge::replay(playground, policy, judging, variant, evaluation, seed)?;
+        let Replayed { rollout, seed } =
+            judge::replay(playground, policy, judging, variant, evaluation, seed)?;
         let Rollout { trajectory: played, states } = rollout;
         let score = playground.score(&played);
         if score != scored {
@@ -126,8 +129,7 @@ impl Look<'_> {
                  since, or the policies of the run folder"
             )));
         }
-        let Some(states) = states else { return Ok(None) };
         let succeeded = playground.task().succeeded(played.measurements());
-        Ok(Some(Shown { moment, variant, steps: played.steps(), score, succeeded, states }))
+        Ok(Shown { moment, variant, score, succeeded, played, states, seed })
     }
 }

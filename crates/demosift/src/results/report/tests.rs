@@ -197,7 +197,7 @@ fn an_evaluation_is_played_again_to_the_bit_and_a_changed_one_is_refused() {
             let again = |policy| {
                 let (variant, seed) = (of.variant, &seed);
                 let rollout = judge::replay(&playground, policy, &judging, variant, evaluation, seed);
-                rollout.expect("played").trajectory
+                rollout.expect("played").rollout.trajectory
             };
             assert_eq!(playground.score(&again(&prior.policy)), of.before[0][evaluation]);
             assert_eq!(playground.score(&again(&adapted.policy)), of.after[0][evaluation]);
@@ -205,7 +205,9 @@ fn an_evaluation_is_played_again_to_the_bit_and_a_changed_one_is_refused() {
     }
     // There is nothing to draw of a point mass, yet all is played and compared.
     let look = |seed: &Seed| agent_episodes(&playground, &prior.policy, &judged, &judging, seed, &set.ids());
-    assert!(look(&seed).expect("the same scores").is_empty());
+    let shown = look(&seed).expect("the same scores");
+    assert_eq!(shown.len(), 1 + set.len(), "the agent before, and after each");
+    assert!(shown.iter().all(|shown| shown.states.is_none()));
     let error = look(&Seed::new(6)).expect_err("other luck");
     assert!(error.is_bad_input() && error.to_string().contains("when it was judged"), "{error}");
 }
