@@ -76,7 +76,7 @@ fn gather(job: &mut Job) -> Result<Found> {
         own_heuristic: beside.own.as_ref(),
         costs: &costs,
     })?;
-    let shown = report::worth_a_look(&panel.deciding().ranking, report.k);
+    let shown = report::worth_a_look(panel.deciding().ranking, report.k);
     Ok(Found { report, shown, unusable: beside.unusable.map(|why| why.message().to_owned()) })
 }
 

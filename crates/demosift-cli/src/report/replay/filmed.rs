@@ -155,7 +155,7 @@ fn worth_filming(demos: &[DemoId]) -> Vec<DemoId> {
 /// Steps that are evenly spaced from the first to the last.
 fn spread(steps: usize, pictures: usize) -> Vec<usize> {
     let (last, gaps) = (steps.saturating_sub(1), pictures.min(steps).saturating_sub(1));
-    (0..=gaps).map(|number| if gaps == 0 { 0 } else { (last * number + gaps / 2) / gaps }).collect()
+    (0..=gaps).map(|number| (last * number + gaps / 2).checked_div(gaps).unwrap_or(0)).collect()
 }
 
 #[cfg(test)]
