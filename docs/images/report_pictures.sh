@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# Takes the pictures of docs/report.md from a report, in headless Chromium.
+# Takes the pictures of docs/report.md from a report, in headless Chromium; with a second report that of its replay alone,
+# which is of an environment in Python.
 #
-#     docs/images/report_pictures.sh runs/free_throw/report.html docs/images '#demo=4&at=0.8'
+#     docs/images/report_pictures.sh runs/free_throw/report.html docs/images '#demo=4&at=0.8' runs/HalfCheetah-v5/report.html
 set -euo pipefail
 page=$(realpath "$1")
 out=$(realpath "$2")
@@ -25,3 +26,8 @@ shoot light "$page" 1120 1390
 shoot dark "$page" 1120 1390 --blink-settings=preferredColorScheme=0
 shoot narrow "$page" 480 1900
 shoot judges "$lower" 1120 990
+if [ -n "${4:-}" ]; then
+  sed 's|</head>|<style>main > section:not(#replay), #top, #foot { display: none }</style></head>|' "$(realpath "$4")" >"$lower"
+  moment='#demo=4&at=20'
+  shoot film "$lower" 1120 620
+fi

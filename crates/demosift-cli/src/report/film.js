@@ -7,7 +7,7 @@
   const section = document.getElementById("replay");
   section.append(
     el("h2", {}, "Replay"),
-    el("p", { class: "soft" }, "A demonstration, its recorded actions played again, and the agent before and after imitating it by each judge, as the environment renders them. Of the episodes that the agent was scored by, this is the one whose scores are the most typical; its start is the same for all."));
+    el("p", { class: "soft" }, "Demonstrations, their recorded actions played again, and the agent before and after imitating each, as the environment renders them. Of the episodes that the agent was scored by, this is the one whose scores are the most typical; its start is the same for all."));
   if (missing) section.append(el("p", { class: "small" }, missing));
 
   const played = report.entries.filter((entry) => isPlayed(entry.demo));
@@ -31,7 +31,8 @@
     [[1, "1×"], [0.5, "½×"], [0.25, "¼×"]].map(([value, name]) => el("option", { value }, name)));
   const decider = report.judges.find((one) => one.decides).judge;
   const after = report.judges.map(({ judge }) => ({ name: report.judges.length > 1 ? `Agent after, by ${judge}` : "Agent after", part: "after", judge }));
-  const panels = [{ name: "Demonstration", part: "demonstration", judge: null }, { name: "Agent before", part: "before", judge: decider }, ...after]
+  const recorded = films.some((film) => film.part === "demonstration") ? [{ name: "Demonstration", part: "demonstration", judge: null }] : [];
+  const panels = [...recorded, { name: "Agent before", part: "before", judge: decider }, ...after]
     .map((panel) => ({ ...panel, label: el("p", { class: "small" }), canvas: el("canvas", { class: "film", "aria-label": panel.name }), film: null }));
   section.append(
     el("div", { class: "controls" }, el("label", {}, "Demonstration", choose), play, scrub, clock, speed),

@@ -24,6 +24,7 @@ use crate::data::demonstration::DemoId;
 use crate::learning::adapt::Rule;
 use crate::math::agreement;
 use crate::math::statistics;
+use crate::world::heuristic::Score;
 
 /// All tables.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -286,11 +287,12 @@ fn regret(study: &Study, set: &Set, finished: &Finished) -> Vec<RegretSummary> {
             let best = study.truly_best(set, *imitator, k, finished);
             let Some(best) = best.and_then(|demos| trained(&demos)) else { continue };
             for method in &study.methods {
-                let of_seed = |seed| {
-                    let demos = top(&study.scores(set, method, seed, finished)?, k);
-                    Some(statistics::mean(&best) - statistics::mean(&trained(&demos)?))
+                let judged = set.seeds.each().filter_map(|seed| study.scores(set, method, seed, finished));
+                let lost = |scores: Vec<Score>| {
+                    Some(statistics::mean(&best) - statistics::mean(&trained(&top(&scores, k))?))
                 };
-                let regrets: Vec<f64> = set.seeds.each().filter_map(of_seed).collect();
+                // Those that chose as the oracle does are trained first, so without the rest little would seem to be lost.
+                let Some(regrets) = judged.map(lost).collect::<Option<Vec<f64>>>() else { continue };
                 let shares = spread
                     .filter(|spread| *spread > 0.0)
                     .map(|spread| regrets.iter().map(|regret| regret / spread).collect::<Vec<f64>>());

@@ -212,6 +212,23 @@ fn differences_are_paired_by_seed() {
     assert_eq!(over.sets, 1);
 }
 
+/// What chose as the oracle does is trained first: without the others' policies a judge would seem to lose nothing.
+#[test]
+fn regret_waits_for_the_policies_of_all_seeds() {
+    let (study, mut finished) = (study(), finished());
+    let rows = |finished: &Finished| {
+        let summary = summarize(&study, finished);
+        let of_two = summary.sets[0].regret.iter().filter(|row| row.k == 2).map(|row| row.method.clone());
+        of_two.collect::<Vec<_>>()
+    };
+    for demos in [&[2, 3], &[1, 3]] {
+        (0..2).for_each(|seed| finished.add(trained(demos, seed, 5.0)));
+    }
+    assert!(!rows(&finished).contains(&"paper".to_owned()), "its last seed chose 0 and 2");
+    (0..2).for_each(|seed| finished.add(trained(&[0, 2], seed, 1.0)));
+    assert!(rows(&finished).contains(&"paper".to_owned()));
+}
+
 #[test]
 fn regret_is_the_mean_over_paired_trainings() {
     let (study, mut finished) = (study(), finished());
