@@ -9,6 +9,7 @@ use serde_json::Value;
 const STUDY: &str = r#"
 title = "A tiny experiment"
 paper_says = "The one judge is better. So it is."
+reading = "Nothing can be read in two seeds."
 preset = "standard"
 [seeds]
 count = 2
@@ -151,6 +152,7 @@ fn an_experiment_becomes_cells_figures_numbers_and_a_page() {
     ] {
         assert!(page.contains(part), "{part} in {page}");
     }
+    assert!(!page.contains("Nothing can be read"), "too few seeds to read anything: {page}");
     assert!(
         page.lines().all(|line| line.starts_with('|') || !line.contains(". ")),
         "one sentence a line: {page}"

@@ -220,6 +220,9 @@ impl Page<'_> {
             };
             text += &format!("\n{}", sentences(&format!("{whose} {}", verdict(decided))));
         }
+        if let Some(reading) = study.drawn.reading.as_ref().filter(|_| !told.is_partial()) {
+            text += &format!("\n## How it is read\n\n{}", sentences(reading));
+        }
         for Section { title, header, rows } in shown.numbers() {
             text += &format!("\n## {}\n\n", title.trim_end_matches(':'));
             text += &format!("{}\n", in_markdown(&header, &rows));

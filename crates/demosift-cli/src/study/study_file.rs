@@ -125,7 +125,7 @@ pub(crate) fn open(asked: &Asked<'_>) -> Result<Opened> {
 
 /// What is drawn of the sets that are there: what names others alone is left out.
 fn drawn(file: &File, is_there: impl Fn(&String) -> bool) -> Drawn {
-    let File { title, paper_says, preset, curves, weights, figures, claims, .. } = file;
+    let File { title, paper_says, reading, preset, curves, weights, figures, claims, .. } = file;
     if curves.is_none() && weights.is_none() && figures.is_empty() && claims.is_empty() {
         return Drawn::default();
     }
@@ -137,6 +137,7 @@ fn drawn(file: &File, is_there: impl Fn(&String) -> bool) -> Drawn {
         title: title.clone(),
         preset: preset.clone(),
         paper: paper_says.clone(),
+        reading: reading.clone(),
         curves: curves.clone(),
         weights: weights
             .as_ref()

@@ -16,6 +16,7 @@ use toml::{Table, Value};
 pub(super) struct File {
     pub(super) title: Option<String>,
     pub(super) paper_says: Option<String>,
+    pub(super) reading: Option<String>,
     pub(super) preset: Option<String>,
     pub(super) seeds: SeedsEntry,
     pub(super) sets: Vec<SetEntry>,

@@ -19,6 +19,9 @@ pub struct Drawn {
     pub preset: Option<String>,
     /// What the paper says of it, in our words.
     pub paper: Option<String>,
+    /// How the results are read by who has looked at them, with enough seeds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reading: Option<String>,
     /// Policies that are trained on what methods keep.
     pub curves: Option<Curves>,
     /// Subsets that are selected by weights.

@@ -34,6 +34,7 @@ fn drawn_study() -> Study {
         title: Some("A figure".to_owned()),
         preset: Some("quick".to_owned()),
         paper: None,
+        reading: None,
         curves: Some(Curves { at: vec![TopK::Count(1), TopK::Half], imitators: vec![Rule::Gail] }),
         weights: Some(Weights { methods: vec!["paper".to_owned()], sets: Vec::new() }),
         figures: vec![
