@@ -16,6 +16,7 @@ use demosift::{Error, Result};
 use demosift_gymnasium::pictures::Reel;
 use demosift_gymnasium::replay as replay_in_env;
 use demosift_gymnasium::task::GymnasiumTask;
+use demosift_gymnasium::trial::Repeats;
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::pictures::film::{self, Film, OfStates, Recorded, Take, Wanted};
 use demosift_mujoco::pictures::render::Viewpoint;
@@ -334,6 +335,13 @@ impl<'c> Place<'c> {
             if arguments.camera.is_some() {
                 return Err(Error::bad_config(
                     "--camera: an environment in Python is looked at as it renders itself",
+                ));
+            }
+            let repeats = simulated.task.repeats();
+            if repeats != Repeats::Exactly {
+                terminal::note(&format!(
+                    "the environment {}, so the pictures may show other episodes than the table",
+                    repeats.words()
                 ));
             }
             let side = |pixels: usize| u32::try_from(pixels).unwrap_or(u32::MAX).max(1);
