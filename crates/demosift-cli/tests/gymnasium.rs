@@ -289,6 +289,9 @@ fn a_set_of_minari_names_its_environment_and_its_episodes_come_again() {
     {
         assert!(shown.contains(words), "{words}: {shown}");
     }
+    let played = scratch.succeed(&format!("play --data pendulum {from_set} --demonstration 1,0"));
+    let rows: Vec<Vec<&str>> = played.lines().map(|line| line.split_whitespace().collect()).collect();
+    assert_eq!((rows[1][1], rows[1][2], rows[2][1]), ("1", "200", "0"), "{played}");
     let found = scratch.succeed(&format!(
         "judge pendulum {from_set} --judge cloning --config tiny.toml --set cloning_judge.judging.evaluations=2 --json"
     ));
