@@ -54,6 +54,7 @@ pub(super) fn each(
             let deciding = panel.decides.each().iter();
             deciding.map(|judge| experiment::scores(run, *judge)).collect::<Result<Vec<_>>>()
         })?;
+        let scores: Vec<_> = scores.iter().collect();
         terminal::show(&by_variant::gains(&scores, &goals, job.unit()));
     }
     let mut found = Vec::new();

@@ -58,7 +58,7 @@ pub(crate) fn run(arguments: &JudgeArguments) -> Result<()> {
     }
     let deciding: Vec<_> =
         found().filter(|(opinion, _)| panel.decides.each().contains(&opinion.judge)).collect();
-    let scores: Vec<ScoreTable> = deciding.iter().map(|(_, scores)| (*scores).clone()).collect();
+    let scores: Vec<&ScoreTable> = deciding.iter().map(|(_, scores)| *scores).collect();
     terminal::show(&by_variant::gains(&scores, job.variants(), job.unit()));
     for (opinion, scores) in deciding {
         terminal::show(&judgment::distance(scores, opinion.judge));

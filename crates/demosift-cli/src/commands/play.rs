@@ -211,28 +211,29 @@ fn replay_in_python(task: &GymnasiumTask, data: &Path, arguments: &PlayArguments
         [] => set.ids(),
         named => named.iter().map(|id| find(set, *id).map(|(id, _)| DemoId(id))).collect::<Result<_>>()?,
     };
-    let unknown = ids.iter().find(|demo| Reel::of_demonstration(starts, **demo, set.get(**demo)).is_none());
-    if let Some(demo) = unknown {
-        return Err(Error::bad_input(format!(
-            "the set does not say from which seed or state demonstration {demo} began, so it cannot be played again"
-        ))
-        .at(&opened.path)
-        .with_hint("sets of Minari keep the seed of each episode, and those of robomimic their states"));
-    }
+    let reel = |demo: &DemoId| {
+        Reel::of_demonstration(starts, *demo, set.get(*demo)).ok_or_else(|| {
+            Error::bad_input(format!(
+                "the set does not say from which seed or state demonstration {demo} began, so it cannot be played again"
+            ))
+            .at(&opened.path)
+            .with_hint("sets of Minari keep the seed of each episode, and those of robomimic their states")
+        })
+    };
+    let reels = ids.iter().map(reel).collect::<Result<Vec<_>>>()?;
     let replayed = replay_in_env::replayed(task, set, starts, &ids)?;
-    let episodes = ids.iter().zip(replayed).map(|(demo, replayed)| {
+    let episodes = ids.iter().zip(replayed).zip(reels).map(|((demo, replayed), reel)| {
         if let Some(step) = replayed.left_at {
             terminal::note(&format!(
                 "demonstration {demo}: its recorded actions lead elsewhere from step {step} on than they did"
             ));
         }
-        let reel = Reel::of_demonstration(starts, *demo, set.get(*demo));
         Episode {
             name: format!("demonstration {demo}"),
             steps: replayed.steps,
             score: replayed.score,
             succeeded: replayed.succeeded,
-            seen: reel.map(|reel| Seen::Reel(Box::new(reel))),
+            seen: Some(Seen::Reel(Box::new(reel))),
         }
     });
     Ok(episodes.collect())
@@ -344,8 +345,12 @@ impl<'c> Place<'c> {
                     repeats.words()
                 ));
             }
-            let side = |pixels: usize| u32::try_from(pixels).unwrap_or(u32::MAX).max(1);
-            let size = [side(width), side(height)];
+            let (Ok(width @ 1..), Ok(height @ 1..)) = (u32::try_from(width), u32::try_from(height)) else {
+                return Err(Error::bad_config(format!(
+                    "--size {width}x{height}: a picture has at least 1 x 1 pixels"
+                )));
+            };
+            let size = [width, height];
             return Ok(Self::InPython(reels::Camera::open(&simulated.task, size)?));
         }
         let task = in_mujoco(chosen, "look at")?;

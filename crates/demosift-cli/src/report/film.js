@@ -29,10 +29,7 @@
   const clock = el("span", { class: "small soft", style: "min-width:8em" });
   const speed = el("select", { "aria-label": "speed", on: { change: () => { state.speed = Number(speed.value); } } },
     [[1, "1×"], [0.5, "½×"], [0.25, "¼×"]].map(([value, name]) => el("option", { value }, name)));
-  const decider = report.judges.find((one) => one.decides).judge;
-  const after = report.judges.map(({ judge }) => ({ name: report.judges.length > 1 ? `Agent after, by ${judge}` : "Agent after", part: "after", judge }));
-  const recorded = films.some((film) => film.part === "demonstration") ? [{ name: "Demonstration", part: "demonstration", judge: null }] : [];
-  const panels = [...recorded, { name: "Agent before", part: "before", judge: decider }, ...after]
+  const panels = episodesBeside(films.some((film) => film.part === "demonstration"))
     .map((panel) => ({ ...panel, label: el("p", { class: "small" }), canvas: el("canvas", { class: "film", "aria-label": panel.name }), film: null }));
   section.append(
     el("div", { class: "controls" }, el("label", {}, "Demonstration", choose), play, scrub, clock, speed),
@@ -54,10 +51,7 @@
       panel.canvas.hidden = !film;
       if (!film) { panel.label.replaceChildren(el("b", {}, panel.name), el("br"), "not shown"); continue; }
       [panel.canvas.width, panel.canvas.height] = [film.width, film.height];
-      const said = [film.score == null ? null : `${fixed(film.score, scoreDecimals)}${unit}`];
-      if (film.succeeded != null) said.push(film.succeeded ? "reaches the goal" : "misses the goal");
-      if (film.steps < report.horizon) said.push(`${film.steps} of ${report.horizon} steps`);
-      panel.label.replaceChildren(el("b", {}, panel.name), el("br"), said.filter(Boolean).join(" · "));
+      panel.label.replaceChildren(el("b", {}, panel.name), el("br"), episodeInWords(film));
     }
     choose.value = state.demo;
     told();

@@ -36,9 +36,7 @@
   const speed = el("select", { "aria-label": "speed", on: { change: () => { state.speed = Number(speed.value); } } },
     [[1, "1×"], [0.5, "½×"], [0.25, "¼×"]].map(([value, name]) => el("option", { value }, name)));
   const canvas = el("canvas", { "aria-label": "3-D replay of demonstration, agent before and agent after" });
-  const decider = report.judges.find((one) => one.decides).judge;
-  const after = report.judges.map(({ judge }) => ({ name: report.judges.length > 1 ? `Agent after, by ${judge}` : "Agent after", part: "after", judge }));
-  const panels = [{ name: "Demonstration", part: "demonstration", judge: null }, { name: "Agent before", part: "before", judge: decider }, ...after]
+  const panels = episodesBeside(true)
     .map((panel) => ({ ...panel, label: el("div", {}), box: el("div", { class: "panel" }), episode: null }));
   for (const panel of panels) panel.box.append(panel.label);
   const stage = el("div", { class: `stage of${panels.length}` }, canvas, panels.map((panel) => panel.box));
@@ -60,11 +58,7 @@
       const episode = panel.episode;
       panel.label.className = episode ? "" : "none";
       if (!episode) { panel.label.replaceChildren(`${panel.name}: no states recorded`); continue; }
-      const said = [episode.score == null ? null : `${fixed(episode.score, scoreDecimals)}${unit}`];
-      if (episode.succeeded != null) said.push(episode.succeeded ? "reaches the goal" : "misses the goal");
-      // Where episodes can end early, a score means little without the length.
-      if (episode.steps < report.horizon) said.push(`${episode.steps} of ${report.horizon} steps`);
-      panel.label.replaceChildren(el("b", {}, panel.name), el("br"), el("span", { class: "small" }, said.filter(Boolean).join(" · ")));
+      panel.label.replaceChildren(el("b", {}, panel.name), el("br"), el("span", { class: "small" }, episodeInWords(episode)));
     }
     choose.value = state.demo;
     state.dirty = true;

@@ -36,8 +36,9 @@ pub(crate) struct Replay {
     pub(crate) demos: Option<Vec<DemoId>>,
 }
 
-#[derive(Serialize)]
-struct Episode {
+/// What stands above an episode.
+#[derive(Clone, Serialize)]
+struct Caption {
     /// `demonstration`, `before` or `after`.
     part: &'static str,
     /// Whose agent it is.
@@ -47,6 +48,12 @@ struct Episode {
     steps: usize,
     score: Score,
     succeeded: Option<bool>,
+}
+
+#[derive(Serialize)]
+struct Episode {
+    #[serde(flatten)]
+    caption: Caption,
     frames: usize,
     stride: usize,
     low: [f64; 3],
@@ -57,13 +64,7 @@ struct Episode {
 
 /// An episode before its poses are known.
 struct Cast {
-    part: &'static str,
-    judge: Option<Judge>,
-    demo: Option<usize>,
-    variant: Option<usize>,
-    steps: usize,
-    score: Score,
-    succeeded: Option<bool>,
+    caption: Caption,
     states: StateLog,
 }
 
@@ -102,7 +103,9 @@ fn tried(job: &mut Job, demos: &[DemoId]) -> Result<Replay> {
 }
 
 fn played(task: &MujocoTask, job: &mut Job, demos: &[DemoId]) -> Result<Replay> {
-    let agent = agent(job, demos)?.into_iter().filter_map(|of| of_agent(of.judge, of.shown));
+    let agent = agent(job, demos)?
+        .into_iter()
+        .filter_map(|of| Some(Cast { caption: of.caption(), states: of.shown.states? }));
     let recorded = job.states();
     let played =
         recorded.and_then(|recorded| demonstrations(task, job, demos, &recorded.unwrap_or_default()));
@@ -119,7 +122,7 @@ fn played(task: &MujocoTask, job: &mut Job, demos: &[DemoId]) -> Result<Replay> 
     };
     cast.extend(agent);
     let scene = scene::scene(task)?;
-    let steps = cast.iter().map(|cast| cast.steps).sum();
+    let steps = cast.iter().map(|cast| cast.caption.steps).sum();
     let stride = scene::stride(&scene, steps, MOST_BYTES);
     let episodes = cast.iter().map(|cast| episode(task, cast, stride)).collect::<Result<_>>()?;
     Ok(Replay { scene: Some(scene), episodes, films: Vec::new(), missing, demos: None })
@@ -140,7 +143,7 @@ fn demonstrations(
     let cast = known.map(|(states, demo, recording)| {
         let measured = measurements(task, &states, recording.actions())
             .map_err(|error| error.during(&format!("demonstration {demo}")))?;
-        Ok(Cast {
+        let caption = Caption {
             part: "demonstration",
             judge: None,
             demo: Some(demo.0),
@@ -148,31 +151,28 @@ fn demonstrations(
             steps: recording.steps(),
             score: task.heuristic().score(&measured),
             succeeded: task.succeeded(&measured),
-            states,
-        })
+        };
+        Ok(Cast { caption, states })
     });
     cast.collect()
 }
 
-fn of_agent(judge: Judge, shown: Shown) -> Option<Cast> {
-    let (part, demo) = part_of(shown.moment);
-    Some(Cast {
-        part,
-        judge: Some(judge),
-        demo,
-        variant: Some(shown.variant.0),
-        steps: shown.played.steps(),
-        score: shown.score,
-        succeeded: shown.succeeded,
-        states: shown.states?,
-    })
-}
-
-/// The name of a part of the page, and the demonstration that it is about.
-fn part_of(moment: Moment) -> (&'static str, Option<usize>) {
-    match moment {
-        Moment::Before => ("before", None),
-        Moment::After(demo) => ("after", Some(demo.0)),
+impl OfAgent {
+    fn caption(&self) -> Caption {
+        let Self { judge, shown } = self;
+        let (part, demo) = match shown.moment {
+            Moment::Before => ("before", None),
+            Moment::After(demo) => ("after", Some(demo.0)),
+        };
+        Caption {
+            part,
+            judge: Some(*judge),
+            demo,
+            variant: Some(shown.variant.0),
+            steps: shown.played.steps(),
+            score: shown.score,
+            succeeded: shown.succeeded,
+        }
     }
 }
 
@@ -199,15 +199,9 @@ fn agent(job: &mut Job, demos: &[DemoId]) -> Result<Vec<OfAgent>> {
 }
 
 fn episode(task: &MujocoTask, cast: &Cast, stride: usize) -> Result<Episode> {
-    let motion = scene::motion(task, &cast.states, cast.steps, stride)?;
+    let motion = scene::motion(task, &cast.states, cast.caption.steps, stride)?;
     Ok(Episode {
-        part: cast.part,
-        judge: cast.judge,
-        demo: cast.demo,
-        variant: cast.variant,
-        steps: cast.steps,
-        score: cast.score,
-        succeeded: cast.succeeded,
+        caption: cast.caption.clone(),
         frames: motion.frames,
         stride: motion.stride,
         low: motion.low,

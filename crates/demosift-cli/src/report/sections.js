@@ -170,6 +170,23 @@ function variants() {
       el("tbody", {}, rows))));
 }
 
+// The episodes that a replay plays side by side.
+function episodesBeside(withDemonstration) {
+  const demonstration = withDemonstration ? [{ name: "Demonstration", part: "demonstration", judge: null }] : [];
+  const decider = report.judges.find((one) => one.decides).judge;
+  const after = report.judges.map(({ judge }) => ({ name: report.judges.length > 1 ? `Agent after, by ${judge}` : "Agent after", part: "after", judge }));
+  return [...demonstration, { name: "Agent before", part: "before", judge: decider }, ...after];
+}
+
+// What stands above an episode.
+function episodeInWords({ score, succeeded, steps }) {
+  const said = [score == null ? null : `${fixed(score, scoreDecimals)}${unit}`];
+  if (succeeded != null) said.push(succeeded ? "reaches the goal" : "misses the goal");
+  // Where episodes can end early, a score means little without the length.
+  if (steps < report.horizon) said.push(`${steps} of ${report.horizon} steps`);
+  return said.filter(Boolean).join(" · ");
+}
+
 const IMITATORS = { behavioral_cloning: "cloning", gail: "GAIL", trainer: report.verdict?.trainer?.name ?? "trainer" };
 
 // What is trained on, as the rows of the picture name it.

@@ -6,17 +6,17 @@ use demosift::world::environment::EnvVariant;
 
 use super::{Scale, table, wrapped};
 
-/// What imitating each demonstration gained under each variant by those who decide, the best of a variant marked (Eq. 9); nothing where there is
-/// a single goal, since the ranking says it all.
+/// What imitating each demonstration gained under each variant by those who decide, the best of a variant marked (Eq. 9);
+/// nothing where there is a single goal, since the ranking says it all.
 ///
 /// The rows are in the order of the ranking over all variants.
-pub(crate) fn gains(deciding: &[ScoreTable], variants: &[String], unit: &str) -> String {
+pub(crate) fn gains(deciding: &[&ScoreTable], variants: &[String], unit: &str) -> String {
     if variants.len() < 2 {
         return String::new();
     }
     let under = |variant| select::rank_together_under(deciding, EnvVariant(variant));
     let rankings: Vec<_> = (0..variants.len()).map(under).collect();
-    let overall: Vec<_> = deciding.iter().map(select::rank).collect();
+    let overall: Vec<_> = deciding.iter().map(|table| select::rank(table)).collect();
     let all = rankings.iter().flat_map(|ranking| &ranking.entries);
     let scale = Scale::of(all.flat_map(|entry| [entry.before, entry.after]), unit);
     let mut header = vec!["demonstration"];
@@ -70,7 +70,7 @@ mod tests {
     #[test]
     fn the_best_demonstration_of_each_variant_is_marked() {
         let scores = scores([[0.5, 0.25], [-0.25, 0.75]]);
-        let said = gains(&[scores], &["left".to_owned(), "right".to_owned()], "m");
+        let said = gains(&[&scores], &["left".to_owned(), "right".to_owned()], "m");
         let lines: Vec<Vec<&str>> = said.lines().map(|line| line.split_whitespace().collect()).collect();
         assert!(said.contains("The gain [m] under each variant"), "{said}");
         assert_eq!(lines[3], ["demonstration", "left", "right"]);
@@ -80,6 +80,6 @@ mod tests {
 
     #[test]
     fn a_single_goal_needs_no_table_of_its_own() {
-        assert_eq!(gains(&[scores([[0.5, 0.25], [-0.25, 0.75]])], &["default".to_owned()], "m"), "");
+        assert_eq!(gains(&[&scores([[0.5, 0.25], [-0.25, 0.75]])], &["default".to_owned()], "m"), "");
     }
 }

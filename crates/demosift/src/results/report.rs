@@ -275,8 +275,9 @@ pub struct Spending {
 pub fn report(sources: &Sources<'_>) -> Result<Report> {
     let Sources { ledger, set, task, panel, .. } = *sources;
     let Order { ranking, uncertainty } = panel.deciding();
-    let deciding: Vec<ScoreTable> =
+    let tables: Vec<ScoreTable> =
         panel.decides.each().iter().map(|judge| Ok(judged(ledger, *judge)?.scores)).collect::<Result<_>>()?;
+    let deciding: Vec<&ScoreTable> = tables.iter().collect();
     let subset = Subset::recall(ledger, "")?;
     let kept = subset.as_ref().map_or(&[][..], |subset| &subset.demos);
     let k = if kept.is_empty() { select::quarter(set.len()) } else { kept.len() };
@@ -301,7 +302,7 @@ pub fn report(sources: &Sources<'_>) -> Result<Report> {
         entries: entries(sources, &deciding, kept, k)?,
         groups: uncertainty.groups.len(),
         top_set: uncertainty.top_set.get(k - 1).copied().unwrap_or(f64::NAN),
-        adapted_behaviors_distance: deciding.last().map_or(f64::NAN, ScoreTable::adapted_behaviors_distance),
+        adapted_behaviors_distance: tables.last().map_or(f64::NAN, ScoreTable::adapted_behaviors_distance),
         curves: curves(sources)?,
         data_only: sources.data_only.columns.iter().map(|column| beside(ranking, column)).collect(),
         own_heuristic: sources.own_heuristic.map(|column| beside(ranking, column)),
@@ -341,7 +342,7 @@ fn curves(sources: &Sources<'_>) -> Result<Vec<AdaptationCurve>> {
     Ok(curves)
 }
 
-fn entries(sources: &Sources<'_>, deciding: &[ScoreTable], kept: &[DemoId], k: usize) -> Result<Vec<Entry>> {
+fn entries(sources: &Sources<'_>, deciding: &[&ScoreTable], kept: &[DemoId], k: usize) -> Result<Vec<Entry>> {
     let Order { ranking, uncertainty } = sources.panel.deciding();
     let variants = sources.task.specification().variants.len();
     let under: Vec<Ranking> = match variants {

@@ -170,7 +170,7 @@ fn rank_where(table: &ScoreTable, counts: impl Fn(EnvVariant) -> bool) -> Rankin
 }
 
 /// The ranking under one variant by the mean of the gains of several tables.
-pub fn rank_together_under(tables: &[ScoreTable], variant: EnvVariant) -> Ranking {
+pub fn rank_together_under(tables: &[&ScoreTable], variant: EnvVariant) -> Ranking {
     let rankings: Vec<Ranking> = tables.iter().map(|table| rank_under(table, variant)).collect();
     together(&rankings)
 }

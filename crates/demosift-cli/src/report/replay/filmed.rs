@@ -3,8 +3,6 @@
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use demosift::data::demonstration::DemoId;
-use demosift::results::panel::Judge;
-use demosift::world::heuristic::Score;
 use demosift::{Error, Result};
 use demosift_gymnasium::pictures::Reel;
 use demosift_gymnasium::replay::{Replayed, replayed};
@@ -13,7 +11,7 @@ use demosift_mujoco::pictures::film::Camera as _;
 use demosift_mujoco::pictures::picture::Picture;
 use serde::Serialize;
 
-use super::{Replay, agent, part_of};
+use super::{Caption, Replay, agent};
 use crate::arguments::SetArguments;
 use crate::job::Job;
 use crate::job::as_recorded::AsRecorded;
@@ -34,14 +32,8 @@ const WORST: usize = 3;
 /// An episode in pictures.
 #[derive(Serialize)]
 pub(super) struct Film {
-    /// `demonstration`, `before` or `after`.
-    part: &'static str,
-    /// Whose agent it is.
-    judge: Option<Judge>,
-    demo: Option<usize>,
-    steps: usize,
-    score: Score,
-    succeeded: Option<bool>,
+    #[serde(flatten)]
+    caption: Caption,
     /// The step that each picture is of.
     at: Vec<usize>,
     /// Pixels of one picture.
@@ -53,12 +45,7 @@ pub(super) struct Film {
 
 /// An episode before it is filmed.
 struct Cast {
-    part: &'static str,
-    judge: Option<Judge>,
-    demo: Option<usize>,
-    steps: usize,
-    score: Score,
-    succeeded: Option<bool>,
+    caption: Caption,
     reel: Reel,
 }
 
@@ -78,17 +65,9 @@ pub(super) fn played(task: &GymnasiumTask, job: &mut Job, demos: &[DemoId]) -> R
         }
         Err(error) => return Err(error),
     };
-    cast.extend(agent(job, &demos)?.into_iter().map(|of| {
-        let (part, demo) = part_of(of.shown.moment);
-        Cast {
-            part,
-            judge: Some(of.judge),
-            demo,
-            steps: of.shown.played.steps(),
-            score: of.shown.score,
-            succeeded: of.shown.succeeded,
-            reel: Reel::of_episode(task, &of.shown.seed, &of.shown.played),
-        }
+    cast.extend(agent(job, &demos)?.into_iter().map(|of| Cast {
+        caption: of.caption(),
+        reel: Reel::of_episode(task, &of.shown.seed, &of.shown.played),
     }));
     Ok(Replay { films: filmed(camera, cast)?, missing, ..Replay::none("") })
 }
@@ -99,17 +78,12 @@ fn filmed(camera: Camera, cast: Vec<Cast>) -> Result<Vec<Film>> {
     let mut shown = camera.before(reels);
     let mut films = Vec::with_capacity(cast.len());
     for (take, of) in cast.iter().enumerate() {
-        let at = spread(of.steps, pictures);
+        let at = spread(of.caption.steps, pictures);
         let pictures: Vec<Picture> =
             at.iter().map(|step| shown.picture(take, *step)).collect::<Result<_>>()?;
         let first = pictures.first().ok_or_else(|| Error::simulation("an episode of no steps"))?;
         films.push(Film {
-            part: of.part,
-            judge: of.judge,
-            demo: of.demo,
-            steps: of.steps,
-            score: of.score,
-            succeeded: of.succeeded,
+            caption: of.caption.clone(),
             width: first.width,
             height: first.height,
             strip: STANDARD.encode(Picture::strip(&pictures).to_small_png()?),
@@ -117,7 +91,7 @@ fn filmed(camera: Camera, cast: Vec<Cast>) -> Result<Vec<Film>> {
         });
     }
     // A demonstration that its recorded actions do not bring back is shown as far as they go; the agent has to be itself.
-    let elsewhere = shown.left().iter().find(|(take, _)| cast[*take].judge.is_some());
+    let elsewhere = shown.left().iter().find(|(take, _)| cast[*take].caption.judge.is_some());
     match elsewhere {
         None => Ok(films),
         Some((_, step)) => Err(Error::simulation(format!(
@@ -133,16 +107,11 @@ fn recorded(task: &GymnasiumTask, job: &Job, demos: &[DemoId]) -> Result<Vec<Cas
     let reel = |demo: &DemoId| Some((*demo, Reel::of_demonstration(&starts, *demo, set.get(*demo))?));
     let (known, reels): (Vec<DemoId>, Vec<Reel>) = demos.iter().filter_map(reel).unzip();
     let replayed = replayed(task, &set, &starts, &known)?;
-    let cast =
-        replayed.into_iter().zip(reels).map(|(Replayed { demo, steps, score, succeeded, .. }, reel)| Cast {
-            part: "demonstration",
-            judge: None,
-            demo: Some(demo.0),
-            steps,
-            score,
-            succeeded,
-            reel,
-        });
+    let cast = replayed.into_iter().zip(reels).map(|(replayed, reel)| {
+        let Replayed { demo, steps, score, succeeded, .. } = replayed;
+        let (part, judge, demo, variant) = ("demonstration", None, Some(demo.0), None);
+        Cast { caption: Caption { part, judge, demo, variant, steps, score, succeeded }, reel }
+    });
     Ok(cast.collect())
 }
 
