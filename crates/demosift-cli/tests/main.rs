@@ -11,6 +11,7 @@ mod bad_input;
 mod documents;
 mod end_to_end;
 mod formats;
+mod golden;
 mod guides;
 mod gymnasium;
 #[path = "../../demosift/tests/onnxruntime/mod.rs"]

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use demosift::basics::part::Part;
-use demosift::run::study::Only;
+use demosift::run::study::{Names, Only};
 
 #[derive(Debug, Args)]
 pub(crate) struct StudyArguments {
@@ -68,10 +68,7 @@ impl std::str::FromStr for OnlyThese {
     type Err = String;
 
     fn from_str(typed: &str) -> Result<Self, String> {
-        let names = |list: &str| {
-            let names: Vec<String> = list.split(',').map(|name| name.trim().to_owned()).collect();
-            if list.trim().is_empty() { None } else { Some(names) }
-        };
+        let names = |list: &str| (!list.trim().is_empty()).then(|| Names::typed(list));
         let (sets, methods) = typed.split_once('/').unwrap_or((typed, ""));
         Ok(Self(Only { sets: names(sets), methods: names(methods) }))
     }

@@ -66,8 +66,8 @@ pub(crate) fn open(asked: &Asked<'_>) -> Result<Opened> {
         },
     };
     let known: Vec<&str> = file.sets.iter().map(|set| set.name.as_str()).collect();
-    let named = |set: &SetEntry| asked.only.sets.as_ref().is_none_or(|names| names.contains(&set.name));
-    if let Some(name) = asked.only.sets.iter().flatten().find(|name| !known.contains(&name.as_str())) {
+    let named = |set: &SetEntry| asked.only.is_about(&set.name);
+    if let Some(name) = asked.only.sets.as_ref().and_then(|names| names.unknown(&known)) {
         let list = known.join(", ");
         return Err(Error::bad_config(format!("the study has no set '{name}'; it has: {list}")).at(path));
     }

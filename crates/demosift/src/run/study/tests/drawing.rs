@@ -127,7 +127,7 @@ fn what_is_kept_with_a_seed_is_learned_with_that_seed() {
     assert_eq!(study.most_unknown_trainings(&only, &drawn_cells(10)), 10);
 
     let named = |names: &[&str]| Only {
-        methods: Some(names.iter().map(|&name| name.to_owned()).collect()),
+        methods: Some(Names::typed(&names.join(","))),
         ..Only::default()
     };
     assert_eq!(study.work_only(&named(&["paper", "weights"]), &Finished::default()).len(), 20);
