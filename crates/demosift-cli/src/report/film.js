@@ -12,27 +12,11 @@
 
   const played = report.entries.filter((entry) => isPlayed(entry.demo));
   if (played.length < report.entries.length) section.append(el("p", { class: "small" }, `Of the ${count(report.entries.length)} demonstrations ${played.length} are shown: the best and the worst.`));
-  const asked = new URLSearchParams(location.hash.slice(1));
-  const wanted = Number(asked.get("demo") ?? NaN);
-  const state = {
-    demo: played.some((entry) => entry.demo === wanted) ? wanted : played[0].demo,
-    secs: Number(asked.get("at") ?? 0) || 0,
-    playing: !asked.has("at") && !matchMedia("(prefers-reduced-motion: reduce)").matches, speed: 1,
-  };
-
-  const choose = el("select", { "aria-label": "demonstration", on: { change: () => show(Number(choose.value)) } },
-    played.map((entry) => el("option", { value: entry.demo }, `${entry.demo} – rank ${placeOf.get(entry.demo)}${entry.kept ? ", kept" : ""}`)));
-  const play = el("button", { class: "play", on: { click: () => { state.playing = !state.playing; told(); } } });
-  const scrub = el("input", { type: "range", min: 0, max: 1, step: 0.001, value: 0, "aria-label": "moment", on: { input: () => {
-    state.playing = false; state.secs = Number(scrub.value) * lasts(); told();
-  } } });
-  const clock = el("span", { class: "small soft", style: "min-width:8em" });
-  const speed = el("select", { "aria-label": "speed", on: { change: () => { state.speed = Number(speed.value); } } },
-    [[1, "1×"], [0.5, "½×"], [0.25, "¼×"]].map(([value, name]) => el("option", { value }, name)));
+  const { state, chooser, controls, told, start } = player({ section, entries: played, cast, lasts: () => secondsOf(panels.map(({ film }) => film)), moved: draw });
   const panels = episodesBeside(films.some((film) => film.part === "demonstration"))
     .map((panel) => ({ ...panel, label: el("p", { class: "small" }), canvas: el("canvas", { class: "film", "aria-label": panel.name }), film: null }));
   section.append(
-    el("div", { class: "controls" }, el("label", {}, "Demonstration", choose), play, scrub, clock, speed),
+    el("div", { class: "controls" }, chooser, controls),
     el("div", { class: `stage of${panels.length}` }, panels.map((panel) => el("div", {}, panel.label, panel.canvas))));
 
   function picture(film) {
@@ -53,18 +37,9 @@
       [panel.canvas.width, panel.canvas.height] = [film.width, film.height];
       panel.label.replaceChildren(el("b", {}, panel.name), el("br"), episodeInWords(film));
     }
-    choose.value = state.demo;
-    told();
   }
 
-  function lasts() {
-    return Math.max(report.control_step_secs, ...panels.map(({ film }) => (film ? (film.steps - 1) * report.control_step_secs : 0)));
-  }
-
-  function told() {
-    play.textContent = state.playing ? "❚❚ Pause" : "▶ Play";
-    scrub.value = state.secs / lasts();
-    clock.textContent = `${Math.min(state.secs, lasts()).toFixed(2)} of ${lasts().toFixed(2)} s`;
+  function draw() {
     const step = Math.round(state.secs / report.control_step_secs);
     for (const { film, canvas } of panels) {
       if (!film || !picture(film).complete) continue;
@@ -74,27 +49,5 @@
     }
   }
 
-  function show(demo) {
-    state.demo = demo;
-    state.secs = 0;
-    cast();
-  }
-  window.showDemonstration = (demo) => {
-    show(demo);
-    section.scrollIntoView({ behavior: "smooth", block: "start" });
-  };
-
-  let last = null;
-  function tick(now) {
-    requestAnimationFrame(tick);
-    if (state.playing && last != null) {
-      state.secs += ((now - last) / 1000) * state.speed;
-      // A moment of rest at the end, then again.
-      if (state.secs > lasts() + 0.6) state.secs = 0;
-      told();
-    }
-    last = now;
-  }
-  cast();
-  requestAnimationFrame(tick);
+  start();
 })();

@@ -12,11 +12,12 @@ const TEMPLATE: &str = include_str!("page.html");
 /// A name and what stands in for `{{NAME}}` in a template, where it is once.
 pub(super) type Part = (&'static str, &'static str);
 
-const PARTS: [Part; 7] = [
+const PARTS: [Part; 8] = [
     ("STYLE", include_str!("page.css")),
     ("THREE", include_str!("three/three.bundle.js")),
     ("CHARTS", include_str!("charts.js")),
     ("SECTIONS", include_str!("sections.js")),
+    ("PLAYER", include_str!("player.js")),
     ("REPLAY", include_str!("replay.js")),
     ("FILM", include_str!("film.js")),
     ("LICENSE", include_str!("three/LICENSE-three.txt")),

@@ -14,27 +14,13 @@
   if (missing) section.append(el("p", { class: "small" }, missing));
   if (model.left_out) section.append(el("p", { class: "small" }, `${model.left_out} shape${model.left_out > 1 ? "s" : ""} of the model (meshes or fields of heights) cannot be drawn here.`));
 
-  // What the address asks for, such as #demo=4&at=0.8.
-  const asked = new URLSearchParams(location.hash.slice(1));
-  const state = {
-    demo: report.entries.some((entry) => entry.demo === Number(asked.get("demo") ?? NaN) && isLooked(entry.demo)) ? Number(asked.get("demo")) : report.entries[0].demo,
-    variant: 0, secs: Number(asked.get("at") ?? 0) || 0,
-    playing: !asked.has("at") && !matchMedia("(prefers-reduced-motion: reduce)").matches, speed: 1, dirty: true,
-  };
-
-  // Controls.
-  const choose = el("select", { "aria-label": "demonstration", on: { change: () => show(Number(choose.value)) } },
-    report.entries.filter((entry) => isLooked(entry.demo)).map((entry) =>
-      el("option", { value: entry.demo }, `${entry.demo} – rank ${placeOf.get(entry.demo)}${entry.kept ? ", kept" : ""}`)));
-  const chooseVariant = el("select", { on: { change: () => { state.variant = Number(chooseVariant.value); cast(); } } },
+  const { state, chooser, controls: steering, told, start } = player({
+    section, entries: report.entries.filter((entry) => isLooked(entry.demo)), cast,
+    lasts: () => secondsOf(panels.map(({ episode }) => episode)), moved: () => { seen.dirty = true; },
+  });
+  const seen = { variant: 0, dirty: true };
+  const chooseVariant = el("select", { on: { change: () => { seen.variant = Number(chooseVariant.value); cast(); told(); } } },
     report.variants.map((name, variant) => el("option", { value: variant }, name)));
-  const play = el("button", { class: "play", on: { click: () => { state.playing = !state.playing; told(); } } });
-  const scrub = el("input", { type: "range", min: 0, max: 1, step: 0.001, value: 0, "aria-label": "moment", on: { input: () => {
-    state.playing = false; state.secs = Number(scrub.value) * lasts(); state.dirty = true; told();
-  } } });
-  const clock = el("span", { class: "small soft", style: "min-width:8em" });
-  const speed = el("select", { "aria-label": "speed", on: { change: () => { state.speed = Number(speed.value); } } },
-    [[1, "1×"], [0.5, "½×"], [0.25, "¼×"]].map(([value, name]) => el("option", { value }, name)));
   const canvas = el("canvas", { "aria-label": "3-D replay of demonstration, agent before and agent after" });
   const panels = episodesBeside(true)
     .map((panel) => ({ ...panel, label: el("div", {}), box: el("div", { class: "panel" }), episode: null }));
@@ -42,14 +28,14 @@
   const stage = el("div", { class: `stage of${panels.length}` }, canvas, panels.map((panel) => panel.box));
   section.append(
     el("div", { class: "controls" },
-      el("label", {}, "Demonstration", choose), several ? el("label", {}, "Variant", chooseVariant) : null,
-      play, scrub, clock, speed, el("button", { on: { click: () => look() } }, "Reset view")),
+      chooser, several ? el("label", {}, "Variant", chooseVariant) : null,
+      steering, el("button", { on: { click: () => look() } }, "Reset view")),
     stage);
 
   const shown = {
     demonstration: (one) => one.part === "demonstration" && one.demo === state.demo,
-    before: (one, judge) => one.part === "before" && one.judge === judge && one.variant === state.variant,
-    after: (one, judge) => one.part === "after" && one.judge === judge && one.demo === state.demo && one.variant === state.variant,
+    before: (one, judge) => one.part === "before" && one.judge === judge && one.variant === seen.variant,
+    after: (one, judge) => one.part === "after" && one.judge === judge && one.demo === state.demo && one.variant === seen.variant,
   };
 
   function cast() {
@@ -60,30 +46,8 @@
       if (!episode) { panel.label.replaceChildren(`${panel.name}: no states recorded`); continue; }
       panel.label.replaceChildren(el("b", {}, panel.name), el("br"), el("span", { class: "small" }, episodeInWords(episode)));
     }
-    choose.value = state.demo;
-    state.dirty = true;
-    told();
+    seen.dirty = true;
   }
-
-  function lasts() {
-    return Math.max(report.control_step_secs, ...panels.map((panel) => (panel.episode ? (panel.episode.steps - 1) * report.control_step_secs : 0)));
-  }
-
-  function told() {
-    play.textContent = state.playing ? "❚❚ Pause" : "▶ Play";
-    scrub.value = state.secs / lasts();
-    clock.textContent = `${state.secs.toFixed(2)} of ${lasts().toFixed(2)} s`;
-  }
-
-  function show(demo) {
-    state.demo = demo;
-    state.secs = 0;
-    cast();
-  }
-  window.showDemonstration = (demo) => {
-    show(demo);
-    section.scrollIntoView({ behavior: "smooth", block: "start" });
-  };
 
   // Poses.
   function decoded(episode) {
@@ -166,7 +130,7 @@
   const camera = new THREE.PerspectiveCamera(45, 1, 0.02, 200);
   camera.up.set(0, 0, 1);
   const controls = new THREE.OrbitControls(camera, canvas);
-  controls.addEventListener("change", () => { state.dirty = true; });
+  controls.addEventListener("change", () => { seen.dirty = true; });
   // The wheel scrolls the page; with Ctrl it zooms.
   canvas.addEventListener("wheel", (event) => { if (!event.ctrlKey) event.stopImmediatePropagation(); }, { capture: true });
 
@@ -189,7 +153,7 @@
     controls.update();
     const away = camera.position.distanceTo(controls.target);
     [scene.fog.near, scene.fog.far] = [1.6 * away, 5 * away];
-    state.dirty = true;
+    seen.dirty = true;
   }
 
   const one = { from: new THREE.Vector3(), to: new THREE.Vector3(), a: new THREE.Quaternion(), b: new THREE.Quaternion() };
@@ -219,7 +183,7 @@
     colors.ground.setStyle(style.getPropertyValue("--ground").trim());
     scene.fog.color.copy(colors.sky);
     for (const material of grounds) material.color.copy(colors.ground);
-    state.dirty = true;
+    seen.dirty = true;
   }
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", paint);
 
@@ -244,25 +208,15 @@
     }
   }
 
-  let last = null;
-  function tick(now) {
+  function tick() {
     requestAnimationFrame(tick);
-    if (state.playing && last != null) {
-      state.secs += ((now - last) / 1000) * state.speed;
-      // A moment of rest at the end, then again.
-      if (state.secs > lasts() + 0.6) state.secs = 0;
-      state.dirty = true;
-      scrub.value = state.secs / lasts();
-      clock.textContent = `${Math.min(state.secs, lasts()).toFixed(2)} of ${lasts().toFixed(2)} s`;
-    }
-    last = now;
-    if (!state.dirty) return;
-    state.dirty = false;
+    if (!seen.dirty) return;
+    seen.dirty = false;
     draw();
   }
-  new ResizeObserver(() => { state.dirty = true; }).observe(stage);
+  new ResizeObserver(() => { seen.dirty = true; }).observe(stage);
 
-  cast();
+  start();
   look();
   paint();
   requestAnimationFrame(tick);
