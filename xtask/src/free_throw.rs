@@ -1,4 +1,5 @@
-//! The taller thrower of Free Throw, made of the thrower: `thrower.xml` with longer limbs, and a task file.
+//! What is made of Free Throw: the taller thrower, which is `thrower.xml` with longer limbs, with a task file, and the task whose
+//! agent does not observe the ball.
 //!
 //! Every length of the body grows, so its masses grow with the third power and its inertias with the fifth.
 //! Springs, dampers and armatures grow like the inertias, so that the limbs swing back as the shorter ones do.
@@ -18,9 +19,11 @@ const TASK: &str = "crates/demosift-mujoco/tasks/free_throw/task.toml";
 const TALLER_THROWER: &str = "crates/demosift-mujoco/tasks/free_throw/taller_thrower.xml";
 const TALLER_TASK: &str = "crates/demosift-mujoco/tasks/free_throw/taller.toml";
 
-const GENERATED: &str = "Made by `cargo xtask taller`; a test checks that it is still what that makes.";
+const TASK_WITHOUT_BALL: &str = "crates/demosift-mujoco/tasks/free_throw/without_ball.toml";
 
-/// Writes both files again.
+const GENERATED: &str = "Made by `cargo xtask free-throw`; a test checks that it is still what that makes.";
+
+/// Writes the files again.
 pub(crate) fn write(root: &Path) -> Result<(), String> {
     for (path, text) in files(root)? {
         std::fs::write(root.join(path), text).map_err(|error| format!("cannot write {path}: {error}"))?;
@@ -28,8 +31,8 @@ pub(crate) fn write(root: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// Both files by their path in the checkout.
-fn files(root: &Path) -> Result<[(&'static str, String); 2], String> {
+/// The files by their path in the checkout.
+fn files(root: &Path) -> Result<[(&'static str, String); 3], String> {
     let read = |path: &str| {
         std::fs::read_to_string(root.join(path)).map_err(|error| format!("cannot read {path}: {error}"))
     };
@@ -39,12 +42,27 @@ fn files(root: &Path) -> Result<[(&'static str, String); 2], String> {
         grown(&body, TALLER)?
     );
     let task = read(TASK)?;
+    let without_ball = format!(
+        "# Free Throw by an agent that does not observe the ball: all but its name and its observations is task.toml. {GENERATED}\n\n{}",
+        without_ball(&task)?
+    );
     let task = format!(
         "# Free Throw by a taller thrower: all but its name and its model is task.toml. {GENERATED}\n\n{}",
         task.replace("\"free_throw\"", "\"free_throw_taller\"")
             .replace("free_throw.xml", "free_throw_taller.xml")
     );
-    Ok([(TALLER_THROWER, thrower), (TALLER_TASK, task)])
+    Ok([(TALLER_THROWER, thrower), (TALLER_TASK, task), (TASK_WITHOUT_BALL, without_ball)])
+}
+
+/// The task with the numbers of the joints alone.
+fn without_ball(task: &str) -> Result<String, String> {
+    let of_ball = ", { qpos = \"ball\" }, { qvel = \"ball\" }]";
+    let comment = "# 55 numbers: 21 + 21 of the thrower's joints, 7 + 6 of the ball.";
+    if !task.contains(of_ball) || !task.contains(comment) {
+        return Err(format!("{TASK} no longer observes the ball as this expects"));
+    }
+    let task = task.replace("\"free_throw\"", "\"free_throw_without_ball\"").replace(of_ball, "]");
+    Ok(task.replace(comment, "# 42 numbers: 21 + 21 of the thrower's joints."))
 }
 
 /// The text behind the comment with which it begins.
@@ -152,10 +170,10 @@ mod tests {
     use crate::checkout;
 
     #[test]
-    fn the_taller_thrower_that_is_checked_in_is_what_this_makes() {
+    fn what_is_checked_in_is_what_this_makes() {
         for (path, text) in files(&checkout()).unwrap() {
             let found = std::fs::read_to_string(checkout().join(path)).unwrap();
-            assert!(found == text, "{path} is not up to date; run `cargo xtask taller`");
+            assert!(found == text, "{path} is not up to date; run `cargo xtask free-throw`");
         }
     }
 

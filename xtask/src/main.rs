@@ -2,13 +2,13 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a terminal is all it has")]
 
 mod browser;
+mod free_throw;
 mod fuzzing;
 mod install;
 mod mujoco;
 mod python;
 mod rendering;
 mod steps;
-mod taller;
 mod wheel;
 
 use std::path::{Path, PathBuf};
@@ -30,7 +30,7 @@ usage: cargo xtask COMMAND
           setup; run each target of fuzz/ for a minute, or those that are named
   torture setup; build, then kill, break and crowd runs, with --full for hours
   schema  setup; write the JSON Schemas of docs/schema from the types
-  taller  make the taller thrower of Free Throw again from the thrower";
+  free-throw  make the taller thrower of Free Throw, and the task without the ball, again from the task";
 
 /// Why a command stopped, and the exit code that says so.
 struct Failure {
@@ -61,7 +61,7 @@ fn main() -> ExitCode {
         ["fuzz", ref options @ ..] => set_up(&root).and_then(|()| fuzzing::run(&root, options)),
         ["torture", ref options @ ..] => set_up(&root).and_then(|()| steps::torture(&root, options)),
         ["schema"] => set_up(&root).and_then(|()| steps::schema(&root)),
-        ["taller"] => taller::write(&root).map_err(Failure::from),
+        ["free-throw"] => free_throw::write(&root).map_err(Failure::from),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");
             return ExitCode::SUCCESS;

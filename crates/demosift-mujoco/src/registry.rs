@@ -40,6 +40,16 @@ const BUILT_IN: &[BuiltIn] = &[
         shaping: Some(tasks::free_throw::shaping),
     },
     BuiltIn {
+        name: "free_throw_without_ball",
+        task_file: include_str!("../tasks/free_throw/without_ball.toml"),
+        models: &[
+            ("free_throw.xml", include_str!("../tasks/free_throw/free_throw.xml")),
+            ("court.xml", include_str!("../tasks/free_throw/court.xml")),
+            ("thrower.xml", include_str!("../tasks/free_throw/thrower.xml")),
+        ],
+        shaping: Some(tasks::free_throw::shaping),
+    },
+    BuiltIn {
         name: "handstand",
         task_file: include_str!("../tasks/handstand/task.toml"),
         models: &[

@@ -17,9 +17,10 @@ use demosift_mujoco::registry;
 use rand::RngExt;
 
 /// Numbers in an observation and in an action, as Table 2 has them (and `docs/paper.md` corrects them).
-const SIZES: [(&str, usize, usize); 7] = [
+const SIZES: [(&str, usize, usize); 8] = [
     ("free_throw", 55, 21),
     ("free_throw_taller", 55, 21),
+    ("free_throw_without_ball", 42, 21),
     ("penalty_save", 91, 8),
     ("handstand", 55, 21),
     ("martial_arts", 55, 21),

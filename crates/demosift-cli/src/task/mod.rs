@@ -24,12 +24,13 @@ const POINT_MASS: &str = "point_mass";
 const VALUES_FILE: &str = "config.toml";
 
 /// Values that a task's name brings with it; see [`crate::configuration::preset`] for tables named after a preset.
-const BUILT_IN_VALUES: [(&str, &str); 8] = [
+const BUILT_IN_VALUES: [(&str, &str); 9] = [
     (POINT_MASS, include_str!("../../configs/point_mass.toml")),
     ("half_cheetah", include_str!("../../configs/half_cheetah.toml")),
     ("walker2d", include_str!("../../configs/walker2d.toml")),
     ("free_throw", include_str!("../../configs/free_throw.toml")),
     ("penalty_save", include_str!("../../configs/penalty_save.toml")),
+    ("free_throw_without_ball", include_str!("../../configs/free_throw.toml")),
     ("free_throw_taller", include_str!("../../configs/free_throw_taller.toml")),
     ("handstand", include_str!("../../configs/handstand.toml")),
     ("martial_arts", include_str!("../../configs/martial_arts.toml")),
