@@ -164,6 +164,12 @@ fn a_trainer_that_has_changed_begins_anew_and_is_refused_where_all_is_judged() {
     let wanted = "were judged by the trainer mine.py:fails_where_it_is_told_to, and the trainer is that of a file which has changed now";
     scratch.refuse("sift --resume --out run --referee trainer=3", &[wanted, "--out OTHER_FOLDER"]);
     scratch.refuse("sift --resume --out run --referee trainer=3 --dry-run", &[wanted]);
+    scratch.refuse(&format!("sift --resume --out run --referee none {trainer}"), &[wanted]);
+    let other = trainer.replace("fails_where_it_is_told_to", "least_squares");
+    scratch.refuse(
+        &format!("judge --resume --out run {other}"),
+        &["and the trainer is mine.py:least_squares now"],
+    );
     assert!(scratch.files("run") == before, "nothing was touched");
     // Without it what was found can be looked at.
     std::fs::remove_file(scratch.0.join("mine.py")).unwrap();

@@ -512,7 +512,8 @@ impl Request {
         let folder = self.begun_folder()?;
         let judged =
             folder.as_ref().map(|folder| Judged::recall(folder, Judge::Trainer.name())).transpose()?;
-        needed.to_judge &= judged.flatten().is_none();
+        // One that is typed is held against the one that has judged, whatever is left to do.
+        needed.to_judge &= judged.flatten().is_none() || arguments.trainer.trainer.is_some();
         let trainer = trainer::open(values, needed, arguments, &self.chosen)?;
         if let (Some(folder), Some(trainer)) = (&folder, &trainer) {
             experiment::check_judged_by(folder, trainer).map_err(|error| error.at(&self.out))?;
