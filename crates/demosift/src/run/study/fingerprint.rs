@@ -83,3 +83,26 @@ fn enters(work: &Work, judges: Judges, key: &str) -> bool {
         (Work::Judging { .. }, Judges::Both | Judges::Trainer) => true,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run::experiment::TrainerJudge;
+    use crate::run::preset::Preset;
+
+    /// Cells of before a trainer could judge stay right, whatever is said of it.
+    #[test]
+    fn how_a_trainer_would_judge_enters_no_cell() {
+        let (set, method) = ("set".to_owned(), "method".to_owned());
+        let judging = Work::Judging { set: set.clone(), method: method.clone(), seed: 0 };
+        for work in [judging, Work::Weighing { set, method, seed: 0 }] {
+            for judges in [Judges::Cloning, Judges::Paper, Judges::Both] {
+                assert!(!enters(&work, judges, TRAINER_JUDGE));
+                let config = Config { judges, ..Preset::Quick.config() };
+                let repeats = TrainerJudge { repeats: 7, ..TrainerJudge::default() };
+                let other = Config { trainer_judge: repeats, ..config.clone() };
+                assert_eq!(hash_of_entering(&work, &config), hash_of_entering(&work, &other));
+            }
+        }
+    }
+}
