@@ -31,4 +31,5 @@ mod study;
 mod support;
 mod task_check;
 mod trainer;
+mod trainer_judge;
 mod units;

@@ -133,7 +133,7 @@ fn what_was_trained_before_a_failure_is_kept() {
     let lines = |scratch: &Scratch| String::from_utf8(scratch.files(".")["trainings.log"].clone()).unwrap();
     let undisturbed = lines(&scratch);
     std::fs::remove_file(scratch.0.join("trainings.log")).unwrap();
-    std::fs::write(scratch.0.join("fails"), "").unwrap();
+    std::fs::write(scratch.0.join("fails"), "4").unwrap();
     let output = scratch.run(&format!("sift {how} --out begun"));
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{said}");

@@ -140,7 +140,7 @@ class TheCommand(InScratch):
 
 
 class Trainers(InScratch):
-    """A trainer of the user's own, as a third imitator of the referee."""
+    """A trainer of the user's own, as a third imitator of the referee and as a judge."""
 
     def test_the_referee_says_what_it_should_see(self):
         pathlib.Path("my_train.py").write_text(LEAST_SQUARES)
@@ -156,6 +156,40 @@ class Trainers(InScratch):
             drives([0, 10, 170, 175]), trainer="my_train.py:train", out=pathlib.Path("shared"), map=map, parts=2, **asked
         )
         self.assertEqual((shared.folder / "verdict.json").read_bytes(), (result.folder / "verdict.json").read_bytes())
+
+    def test_it_judges_too(self):
+        pathlib.Path("my_train.py").write_text(LEAST_SQUARES)
+        asked = {**FAST, "judge": "trainer", "referee": "none", "keep": 2, "task": "point_mass", "progress": False}
+        with self.assertRaisesRegex(demosift.Mistake, "a trainer of yours is to judge") as caught:
+            demosift.sift(drives([0, 10, 170, 175]), out="run", **asked)
+        self.assertIn("--trainer", caught.exception.hint)
+        result = demosift.sift(drives([0, 10, 170, 175]), trainer="my_train.py:train", out="run", **asked)
+        scores = json.loads((result.folder / "scores_trainer.json").read_text())
+        self.assertEqual(scores["trainer"]["name"], "my_train.py:train")
+        self.assertEqual([len(one["after"]) for one in scores["suitabilities"]], [3] * 4)
+        self.assertEqual(result.kept, [0, 1])
+        shared = demosift.sift(
+            drives([0, 10, 170, 175]), trainer="my_train.py:train", out=pathlib.Path("shared"), map=map, parts=2, **asked
+        )
+        self.assertFalse((shared.folder / "prior.safetensors").exists(), "it starts from nothing")
+        self.assertEqual((shared.folder / "scores_trainer.json").read_bytes(), (result.folder / "scores_trainer.json").read_bytes())
+
+    def test_a_judge_that_fails_goes_on_when_it_is_mended(self):
+        counts = "import pathlib\ncount = pathlib.Path('count')\n"
+        fails = "    n = len(count.read_text()) if count.exists() else 0\n    count.write_text('x' * (n + 1))\n    assert n != 2, 'the third'\n"
+        broken = LEAST_SQUARES.replace("import numpy\n", f"import numpy\n{counts}")
+        broken = broken.replace("def train(demonstrations, seed):\n", f"def train(demonstrations, seed):\n{fails}")
+        pathlib.Path("my_train.py").write_text(broken)
+        asked = {**FAST, "judge": "trainer", "referee": "none", "task": "point_mass", "progress": False, "threads": 1}
+        asked["trainer"] = "my_train.py:train"
+        with self.assertRaisesRegex(demosift.Failed, "judging demonstration 2: .* AssertionError: the third"):
+            demosift.sift(drives([0, 10, 170]), out="run", **asked)
+        result = demosift.sift(drives([0, 10, 170]), out="run", resume=True, **asked)
+        self.assertEqual(len(pathlib.Path("count").read_text()), 3 * 3 + 1, "none was made twice but the one that failed")
+        pathlib.Path("my_train.py").write_text(LEAST_SQUARES)
+        with self.assertRaisesRegex(demosift.Mistake, "were judged by the trainer my_train.py:train"):
+            demosift.sift(drives([0, 10, 170]), out="run", resume=True, **{**asked, "referee": "trainer=3"})
+        self.assertEqual(len(result.ranking), 3)
 
     @unittest.skipUnless(has("cloudpickle"), "cloudpickle is not installed")
     def test_a_function_of_a_program_travels(self):

@@ -56,7 +56,7 @@ fn after_one_update(config: &Config) -> demosift::Result<(f64, f64)> {
         ledger: &mut InMemory::default(),
         observer: &mut Silent,
     };
-    let ScoreTable { suitabilities } = experiment::scores(run, Judge::Paper)?;
+    let ScoreTable { suitabilities, .. } = experiment::scores(run, Judge::Paper)?;
     let own: Vec<_> = suitabilities.iter().filter(|one| one.variant.0 == one.demo.0).collect();
     let updates = own.iter().flat_map(|one| &one.curves).map(|curve| &curve[0]);
     let losses: Vec<f64> = updates.filter_map(|update| update.cloning_loss_after).collect();

@@ -15,3 +15,4 @@ mod mutual_information;
 mod onnx;
 mod onnxruntime;
 mod spine;
+mod trainer;

@@ -12,7 +12,7 @@ use demosift::learning::trpo::TrustRegion;
 use demosift::results::artifact::Artifact as _;
 use demosift::results::panel::{Judge, Judges};
 use demosift::results::recording;
-use demosift::run::experiment::{self, Checkpointing, CloningJudge, Config, Run, Sifted};
+use demosift::run::experiment::{self, Checkpointing, CloningJudge, Config, Run, Sifted, TrainerJudge};
 use demosift::run::preset::Preset;
 use demosift::stages::demonstrator::{self, DemonstratorState, DemonstratorTraining, Stage};
 use demosift::stages::imitate::Imitation;
@@ -79,6 +79,7 @@ fn small(seed: u64) -> Config {
             },
             ..quick.cloning_judge
         },
+        trainer_judge: TrainerJudge::default(),
         subset_selection: SubsetSelection {
             rounds: 5,
             meta_updates: 2,

@@ -139,8 +139,9 @@ pub(crate) struct JobArguments {
     /// under it alone [default: all]
     #[arg(long, value_name = "NAME")]
     pub(crate) variant: Option<String>,
-    /// Who judges: an agent that clones each demonstration, in seconds; the paper's, which learns to imitate first; or both,
-    /// and the mean of their gains decides, of those whose repeats agree [default: both]
+    /// Who judges: an agent that clones each demonstration, in seconds; the paper's, which learns to imitate first; both, and
+    /// the mean of their gains decides, of those whose repeats agree; or your own --trainer, which trains three times on each
+    /// demonstration [default: both]
     #[arg(long, value_enum)]
     pub(crate) judge: Option<JudgesName>,
     /// How many final policies are trained on what was kept, on the whole set and on random subsets, to say whether
@@ -533,6 +534,8 @@ pub(crate) enum JudgesName {
     Paper,
     /// Cloning first, then the paper's
     Both,
+    /// Your own trainer alone, on each demonstration by itself: it needs --trainer
+    Trainer,
 }
 
 impl JudgesName {
@@ -542,6 +545,7 @@ impl JudgesName {
             Self::Cloning => "cloning",
             Self::Paper => "paper",
             Self::Both => "both",
+            Self::Trainer => "trainer",
         }
     }
 }

@@ -87,7 +87,7 @@ pub(crate) struct Demonstrator {
 }
 
 pub(crate) fn run(arguments: &RecordArguments) -> Result<()> {
-    job::use_threads(arguments.run.threads)?;
+    job::threads::make_all_loops_use(arguments.run.threads)?;
     let given = arguments.demonstrator.as_deref().map(Source::of).transpose()?;
     let plan = Request::of(&Asked {
         part: None,

@@ -8,7 +8,8 @@ pub(crate) mod resolved;
 use std::path::Path;
 
 use demosift::basics::files;
-use demosift::run::experiment::Config;
+use demosift::results::panel::Judge;
+use demosift::run::experiment::{Config, TrainerJudge};
 use demosift::run::preset::Preset;
 use demosift::{Error, Result};
 use serde::de::DeserializeOwned;
@@ -18,8 +19,12 @@ use toml::{Table, Value};
 pub(crate) const DEMONSTRATOR: &str = "demonstrator";
 const DEMONSTRATOR_VALUES: &str = include_str!("demonstrator.toml");
 
-/// The table of the trainer that the referee asks besides ours; the library does not read it.
+/// The table of the user's own trainer; the library does not read it.
 pub(crate) const TRAINER: &str = "trainer";
+/// The table of how it judges.
+const TRAINER_JUDGE: &str = "trainer_judge";
+/// The key of who judges, and its word for the trainer.
+const JUDGES: &str = "judges";
 
 /// Values and where they come from.
 #[derive(Clone, Debug)]
@@ -100,6 +105,13 @@ pub(crate) fn with_trainings_by_trainer(values: &mut Table) {
     if let Some(Value::Table(referee)) = values.get_mut("referee") {
         referee.entry(TRAINER).or_insert(Value::Integer(0));
     }
+    let how = Table::try_from(TrainerJudge::default()).expect("numbers are plain data");
+    values.entry(TRAINER_JUDGE).or_insert(Value::Table(how));
+}
+
+/// Whether the user's own trainer judges.
+pub(crate) fn is_judged_by_trainer(values: &Table) -> bool {
+    values.get(JUDGES).and_then(Value::as_str) == Some(Judge::Trainer.name())
 }
 
 /// Changes the values of `base` to those of a layer; a key that `base` lacks, or a value of another type, is an error.
@@ -148,6 +160,9 @@ pub(crate) fn of_job(mut values: Table) -> Table {
         && referee.get(TRAINER) == Some(&Value::Integer(0))
     {
         referee.remove(TRAINER);
+    }
+    if !is_judged_by_trainer(&values) {
+        values.remove(TRAINER_JUDGE);
     }
     values
 }

@@ -102,6 +102,12 @@ impl GivenPrior {
 
     /// Whether scores from these values can stand beside those of the earlier run.
     pub(crate) fn check_values(&self, values: &Table) -> Result<()> {
+        if configuration::is_judged_by_trainer(values) {
+            return Err(Error::bad_config(
+                "--prior judges from what was learned, and your own trainer (judges = trainer) learns from nothing",
+            )
+            .with_hint("say --judge cloning, paper or both"));
+        }
         let that_move_scores = |values: &Table| -> Table {
             values.clone().into_iter().filter(|(key, _)| !MAY_DIFFER.contains(&key.as_str())).collect()
         };

@@ -6,6 +6,7 @@ pub(crate) mod fit;
 pub(crate) mod given_prior;
 pub(crate) mod own_heuristic;
 pub(crate) mod run_folder;
+pub(crate) mod threads;
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -23,6 +24,7 @@ use demosift::results::data_only::DataOnly;
 use demosift::results::panel::Judge;
 use demosift::run::experiment::{self, Config, Run};
 use demosift::run::preset::Preset;
+use demosift::stages::judge::Judged;
 use demosift::stages::method::{Costs, Method};
 use demosift::stages::select::Keep;
 use demosift::world::rollout::Playground;
@@ -37,7 +39,8 @@ use crate::console::interruption;
 use crate::console::terminal::Progress;
 use crate::files::metrics_file::MetricsFile;
 use crate::task::simulator::{self, Simulated};
-use crate::task::{self, Chosen, trainer};
+use crate::task::trainer::{self, Needed};
+use crate::task::{self, Chosen};
 use demonstrations::Demonstrations;
 use given_prior::GivenPrior;
 use own_heuristic::Beside;
@@ -64,7 +67,7 @@ pub(crate) struct Job {
     /// The configuration as it is written down.
     values: Table,
     config: Config,
-    /// Whom the referee asks besides ours.
+    /// Who judges, or whom the referee asks besides ours.
     trainer: Option<Arc<PythonTrainer>>,
     folder: RunFolder,
     progress: Progress,
@@ -89,7 +92,7 @@ impl Job {
 
     /// The same for demonstrations that are judged from the prior of an earlier run; one is enough.
     pub(crate) fn open_given(arguments: &JobArguments, given: &GivenPrior) -> Result<Self> {
-        use_threads(arguments.run.threads)?;
+        threads::make_all_loops_use(arguments.run.threads)?;
         let plan = Request::of(&Asked { given: Some(given), ..Asked::of(arguments) })?;
         let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
         let path = arguments.demonstrations.as_deref();
@@ -125,7 +128,7 @@ impl Job {
         prior: Prior,
         check: impl FnOnce(&DemonstrationSet, &Config) -> Result<()>,
     ) -> Result<Self> {
-        use_threads(arguments.run.threads)?;
+        threads::make_all_loops_use(arguments.run.threads)?;
         let plan = Request::of(asked)?;
         let recorded = plan.begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
         let path = arguments.demonstrations.as_deref();
@@ -160,7 +163,8 @@ impl Job {
         if let Some(simulated) = &plan.chosen.simulated {
             simulated.notes(arguments.judge.is_none() && !asks_for_it);
         }
-        let trainer = if asked.referees { trainer::open(&values, arguments, &plan.chosen)? } else { None };
+        let needed = Needed { to_judge: prior == Prior::Needed, to_referee: asked.referees };
+        let trainer = plan.trainer(&values, needed, arguments)?;
         let job = Self::of_plan(plan, demonstrations, values, config, arguments.run.dry_run)?;
         Ok(Self { trainer: trainer.map(Arc::new), ..job })
     }
@@ -486,13 +490,35 @@ impl Request {
         }
     }
 
+    /// The folder of the run, if that has begun.
+    fn begun_folder(&self) -> Result<Option<RunFolder>> {
+        let folder = self.begun.as_ref().map(|_| run_folder::of_finished(&self.out));
+        Ok(folder.transpose()?.map(|(_, folder)| folder))
+    }
+
     /// Whether the run has learned its prior already.
     fn holds_prior(&self) -> Result<bool> {
-        if self.begun.is_none() {
-            return Ok(false);
-        }
-        let (_, folder) = run_folder::of_finished(&self.out)?;
+        let Some(folder) = self.begun_folder()? else { return Ok(false) };
         Ok(MetaPrior::recall(&folder, "")?.is_some())
+    }
+
+    /// The trainer that the run will ask, which must be the one that has judged it.
+    fn trainer(
+        &self,
+        values: &Table,
+        mut needed: Needed,
+        arguments: &JobArguments,
+    ) -> Result<Option<PythonTrainer>> {
+        let folder = self.begun_folder()?;
+        let judged =
+            folder.as_ref().map(|folder| Judged::recall(folder, Judge::Trainer.name())).transpose()?;
+        // One that is typed is held against the one that has judged, whatever is left to do.
+        needed.to_judge &= judged.flatten().is_none() || arguments.trainer.trainer.is_some();
+        let trainer = trainer::open(values, needed, arguments, &self.chosen)?;
+        if let (Some(folder), Some(trainer)) = (&folder, &trainer) {
+            experiment::check_judged_by(folder, trainer).map_err(|error| error.at(&self.out))?;
+        }
+        Ok(trainer)
     }
 
     /// Begins the run, or goes on with the one that is there; a dry run only looks whether that could be done.
@@ -567,26 +593,4 @@ pub(crate) fn default_folder(task: &str, variant: Option<&str>) -> PathBuf {
         name.push(format!("_{}", variant.replace(std::path::MAIN_SEPARATOR, "_")));
     }
     Path::new("runs").join(name)
-}
-
-/// More threads than any machine has processors are a typing mistake, and would be started.
-const MOST_THREADS: usize = 4096;
-
-/// Whether so many threads can be meant.
-pub(crate) fn check_threads(count: usize) -> Result<()> {
-    match count {
-        0 => Err(Error::bad_config("--threads 0: must be at least 1")),
-        1..=MOST_THREADS => Ok(()),
-        _ => Err(Error::bad_config(format!("--threads {count}: must be at most {MOST_THREADS}"))),
-    }
-}
-
-/// Makes all parallel loops use this many threads.
-pub(crate) fn use_threads(count: Option<usize>) -> Result<()> {
-    let Some(count) = count else { return Ok(()) };
-    check_threads(count)?;
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(count)
-        .build_global()
-        .map_err(|error| Error::bad_config(format!("--threads {count}: {error}")))
 }

@@ -20,6 +20,10 @@ use serde::Serialize;
 
 use crate::job::Job;
 
+/// Why there is no agent of a trainer in a replay.
+const OF_TRAINER: &str =
+    "Policies of your own trainer are not kept, so the agent that it trained is not shown.";
+
 /// All poses of a page, before they are written as text, which is a third longer.
 const MOST_BYTES: usize = 5_500_000;
 
@@ -83,7 +87,11 @@ impl Replay {
 /// Plays the agent again and brings the demonstrations beside it, for these demonstrations.
 pub(crate) fn of(job: &mut Job, demos: &[DemoId]) -> Result<Replay> {
     let is_all = demos.len() == job.set().len();
-    Ok(Replay { demos: (!is_all).then(|| demos.to_vec()), ..tried(job, demos)? })
+    let tried = tried(job, demos)?;
+    let has_trainer = job.run(|run| Ok(run.config.judges.each().contains(&Judge::Trainer)))?;
+    let missing = tried.missing.into_iter().chain(has_trainer.then(|| OF_TRAINER.to_owned()));
+    let missing = missing.reduce(|one, other| format!("{one} {other}"));
+    Ok(Replay { demos: (!is_all).then(|| demos.to_vec()), missing, ..tried })
 }
 
 fn tried(job: &mut Job, demos: &[DemoId]) -> Result<Replay> {

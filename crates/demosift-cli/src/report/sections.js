@@ -24,7 +24,7 @@ function listed(demos) {
 
 const STAGES = {
   meta_train: "learning to imitate", pre_train: "imitating the entire set",
-  judge_cloning: "judging by cloning", judge_paper: "judging by the paper's judge", subset_selection: "weighing",
+  judge_cloning: "judging by cloning", judge_paper: "judging by the paper's judge", judge_trainer: "judging by your own trainer", subset_selection: "weighing",
   referee: "final policies, several each", imitate_subset: "from scratch, the kept", imitate_all: "from scratch, all",
 };
 
@@ -119,7 +119,8 @@ function ranking() {
     remarks());
 }
 
-const JUDGES = { cloning: "the judge by cloning", paper: "the judge of the paper" };
+const TRAINER = (report.judges.find((one) => one.trainer)?.trainer ?? report.verdict?.trainer)?.name ?? "trainer";
+const JUDGES = { cloning: "the judge by cloning", paper: "the judge of the paper", trainer: `the judge by ${TRAINER}` };
 const NO_VOTE = {
   disagrees_with_itself: "its repeats agree with each other no better than chance, so imitating by it taught the agent nothing that can be told apart here",
   taught_nothing: "imitating by it surely made the agent better for no demonstration",
@@ -173,8 +174,11 @@ function variants() {
 // The episodes that a replay plays side by side.
 function episodesBeside(withDemonstration) {
   const demonstration = withDemonstration ? [{ name: "Demonstration", part: "demonstration", judge: null }] : [];
-  const decider = report.judges.find((one) => one.decides).judge;
-  const after = report.judges.map(({ judge }) => ({ name: report.judges.length > 1 ? `Agent after, by ${judge}` : "Agent after", part: "after", judge }));
+  // The policies of somebody's own trainer are not kept.
+  const kept = report.judges.filter((one) => one.judge !== "trainer");
+  if (!kept.length) return demonstration;
+  const decider = (kept.find((one) => one.decides) ?? kept[0]).judge;
+  const after = kept.map(({ judge }) => ({ name: kept.length > 1 ? `Agent after, by ${judge}` : "Agent after", part: "after", judge }));
   return [...demonstration, { name: "Agent before", part: "before", judge: decider }, ...after];
 }
 
@@ -187,7 +191,7 @@ function episodeInWords({ score, succeeded, steps }) {
   return said.filter(Boolean).join(" · ");
 }
 
-const IMITATORS = { behavioral_cloning: "cloning", gail: "GAIL", trainer: report.verdict?.trainer?.name ?? "trainer" };
+const IMITATORS = { behavioral_cloning: "cloning", gail: "GAIL", trainer: TRAINER };
 
 // What is trained on, as the rows of the picture name it.
 function candidateName({ names, side, size }) {

@@ -311,7 +311,7 @@ fn processor_seconds() -> f64 {
 /// How many threads are asked for.
 pub(crate) fn threads(asked: Option<usize>) -> Result<usize> {
     match asked {
-        Some(count) => job::check_threads(count).map(|()| count),
+        Some(count) => job::threads::check(count).map(|()| count),
         None => Ok(std::thread::available_parallelism().map_or(1, usize::from)),
     }
 }

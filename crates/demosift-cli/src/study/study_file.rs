@@ -417,10 +417,18 @@ fn configurations(set: &DemonstrationSet, chosen: &Chosen, file: &File) -> Resul
         let values = method.values.clone().unwrap_or_default();
         let own = Layer { source: format!("the values of '{}'", method.name), values };
         let config = configuration(chosen, preset(method.preset.as_ref(), file)?, &[common, own])?;
-        if config.judges == Judges::Both {
-            return Err(Error::bad_config(
-                "judges = both, and a method asks one: cloning or paper; a method with a rule combines others",
-            ));
+        match config.judges {
+            Judges::Cloning | Judges::Paper => {}
+            Judges::Both => {
+                return Err(Error::bad_config(
+                    "judges = both, and a method asks one: cloning or paper; a method with a rule combines others",
+                ));
+            }
+            Judges::Trainer => {
+                return Err(Error::bad_config(
+                    "judges = trainer, and a method asks cloning or paper: a study trains by nobody else's trainer",
+                ));
+            }
         }
         experiment::check(set, chosen.task.specification(), &config)?;
         experiment::check_budget(set, &Playground::new(chosen.task.as_ref()), &config)?;

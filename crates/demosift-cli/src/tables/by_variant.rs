@@ -64,7 +64,7 @@ mod tests {
                 });
             }
         }
-        ScoreTable { suitabilities }
+        ScoreTable::new(suitabilities)
     }
 
     #[test]

@@ -75,6 +75,7 @@ pub(super) fn in_words(stage: &str) -> String {
         pre_train::STAGE => "imitating the entire set",
         "judge_cloning" => "judging by cloning",
         "judge_paper" => "judging by the paper's judge",
+        "judge_trainer" => "judging by your own trainer",
         subset_selection::STAGE => "weighing",
         referee::STAGE => "final policies, several each",
         "imitate_subset" => "from scratch, the kept",

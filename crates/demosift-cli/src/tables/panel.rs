@@ -52,8 +52,10 @@ fn remarks(panel: &Panel) -> Vec<String> {
         panel.others().filter(|opinion| !panel.judged_all(opinion)).map(|opinion| near(panel, opinion)),
     );
     remarks.extend(panel.opinions.iter().filter_map(without_vote));
-    for judge in [Judge::Cloning, Judge::Paper] {
-        remarks.extend(disagreement(&panel.disagreements, judge));
+    if let [one, other] = panel.opinions.as_slice() {
+        let (one, other) = (one.judge, other.judge);
+        remarks.extend(disagreement(&panel.disagreements, one, other));
+        remarks.extend(disagreement(&panel.disagreements, other, one));
     }
     remarks
 }
@@ -112,13 +114,10 @@ fn without_vote(opinion: &Opinion) -> Option<String> {
     }
 }
 
-fn disagreement(all: &[Disagreement], judge: Judge) -> Option<String> {
+/// What one judge would keep, and the other not.
+fn disagreement(all: &[Disagreement], one: Judge, other: Judge) -> Option<String> {
     let demos: Vec<DemoId> =
-        all.iter().filter(|found| found.kept_by == judge).map(|found| found.demo).collect();
-    let (one, other) = match judge {
-        Judge::Cloning => (Judge::Cloning, Judge::Paper),
-        Judge::Paper => (Judge::Paper, Judge::Cloning),
-    };
+        all.iter().filter(|found| found.kept_by == one).map(|found| found.demo).collect();
     (!demos.is_empty()).then(|| {
         format!(
             "They clearly disagree about {}: {} is sure that it belongs to the best, and {} that it does not. The replay of \
@@ -136,5 +135,6 @@ pub(crate) fn in_words(judges: impl Into<Judges>) -> &'static str {
         Judges::Cloning => "the judge by cloning",
         Judges::Paper => "the judge of the paper",
         Judges::Both => "both judges together",
+        Judges::Trainer => "your own trainer",
     }
 }

@@ -1,4 +1,4 @@
-//! `--trainer`: a trainer of the user's own, which the referee asks beside its own imitators.
+//! `--trainer`: a trainer of the user's own, which the referee asks beside its own imitators, and which may judge.
 //!
 //! Which one it is stands in the run's configuration, as far as it may be asked for differently: the table `trainer`.
 
@@ -28,7 +28,7 @@ struct OfRun {
     timeout_secs: u64,
 }
 
-/// Writes into the configuration how often the referee trains, and by whose trainer.
+/// Writes into the configuration how often the referee trains, and by whose trainer; who judges stands there already.
 ///
 /// # Errors
 /// `is_bad_config` if trainings by a trainer are asked for and there is none, or the other way round; `is_bad_input` if the
@@ -57,14 +57,24 @@ pub(crate) fn ask(values: &mut Table, arguments: &JobArguments, chosen: &Chosen)
     }
     let mut refereeing: Refereeing = of_table(values["referee"].clone())?;
     refereeing = arguments.referee.unwrap_or(refereeing);
+    let judges = configuration::is_judged_by_trainer(values);
     if asked.trainer.is_some() && refereeing.trainer == 0 {
-        if refereeing.most() == 0 && arguments.referee.is_some() {
-            return Err(Error::bad_config(format!(
-                "--trainer trains final policies for the referee, and --referee {refereeing} asks for none"
-            ))
-            .with_hint("leave one of the two away, or say --referee trainer=3"));
+        match refereeing.most() == 0 && arguments.referee.is_some() {
+            false => refereeing.trainer = Refereeing::usual_by_trainer(refereeing.gail),
+            true if judges => {}
+            true => {
+                return Err(Error::bad_config(format!(
+                    "--trainer trains final policies for the referee, and --referee {refereeing} asks for none"
+                ))
+                .with_hint("leave one of the two away, or say --referee trainer=3 or --judge trainer"));
+            }
         }
-        refereeing.trainer = Refereeing::usual_by_trainer(refereeing.gail);
+    }
+    if judges && of_run.is_none() {
+        return Err(Error::bad_config(
+            "a trainer of yours is to judge (judges = trainer), and there is none",
+        )
+        .with_hint("add --trainer FILE.py:FUNCTION, or take another judge, such as --judge cloning"));
     }
     if refereeing.trainer > 0 && of_run.is_none() {
         return Err(Error::bad_config(format!(
@@ -80,17 +90,30 @@ pub(crate) fn ask(values: &mut Table, arguments: &JobArguments, chosen: &Chosen)
     Ok(())
 }
 
-/// Finds the trainer that the referee of a run will ask; `None` if it asks none.
+/// What a command may ask a trainer for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Needed {
+    /// To judge, as nothing is judged yet.
+    pub(crate) to_judge: bool,
+    /// To train final policies.
+    pub(crate) to_referee: bool,
+}
+
+/// Finds the trainer that a run will ask; `None` if it asks none.
 ///
 /// # Errors
 /// `is_bad_input` if it is not there, or cannot be imported.
 pub(crate) fn open(
     values: &Table,
+    needed: Needed,
     arguments: &JobArguments,
     chosen: &Chosen,
 ) -> Result<Option<PythonTrainer>> {
     let refereeing: Refereeing = of_table(values["referee"].clone())?;
-    let Some(of_run) = values.get(TRAINER).filter(|_| refereeing.trainer > 0) else { return Ok(None) };
+    let Needed { to_judge, to_referee } = needed;
+    let is_needed =
+        (to_judge && configuration::is_judged_by_trainer(values)) || (to_referee && refereeing.trainer > 0);
+    let Some(of_run) = values.get(TRAINER).filter(|_| is_needed) else { return Ok(None) };
     let OfRun { train, python, timeout_secs } = of_table(of_run.clone())?;
     let wanted = WantedTrainer {
         typed: &train,

@@ -28,7 +28,8 @@ def least_squares(demonstrations, seed):
 def fails_where_it_is_told_to(demonstrations, seed):
     """After so many trainings as the file `fails` says, until that is taken away."""
     log = pathlib.Path("trainings.log")
-    if pathlib.Path("fails").exists() and log.exists() and len(log.read_text().splitlines()) >= 4:
+    fails = pathlib.Path("fails")
+    if fails.exists() and log.exists() and len(log.read_text().splitlines()) >= int(fails.read_text()):
         raise RuntimeError("out of memory of my own")
     return least_squares(demonstrations, seed)
 

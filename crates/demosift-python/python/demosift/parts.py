@@ -17,7 +17,7 @@ _ROUNDS = 100
 def in_parts(words: Sequence[str | os.PathLike[str]], options: Mapping[str, Any], parts: int, map: Map) -> None:
     """Judges and trains in parts, as far as the run of these words can be shared out."""
     typed = [_absolute(word) for word in words]
-    if options.get("judge") != "cloning":
+    if options.get("judge") not in ("cloning", "trainer"):
         # Each of its rounds starts from the one before, so it has no parts.
         command.ask(["meta-train", *typed, "--resume"])
     stages = ["judge"] if options.get("referee") == "none" else ["judge", "referee"]

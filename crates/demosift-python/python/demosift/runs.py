@@ -169,7 +169,8 @@ def sift(
     `python` is the interpreter of the environment and the trainer, by default this one.
     `trainer` trains policies of your own kind: ``train(demonstrations, seed)`` gets a list of episodes with `observations`
     `[T, obs]` and `actions` `[T, act]`, and returns a policy, a function from an observation to an action; or its name,
-    ``"my_train.py:train"``. The referee then says what *that* learner should be trained on.
+    ``"my_train.py:train"``. The referee then says what *that* learner should be trained on, and with ``judge="trainer"`` it
+    judges the demonstrations too, by three trainings on each.
     `values` are values of the configuration, such as ``{"judge.iterations": 3}``.
     Other keywords are options of ``demosift sift``: ``preset="quick"``, ``judge="cloning"``, ``referee="none"``, ``keep=5``,
     ``seed=1``, ``threads=2``, ``variant="left"``, ``time_limit=120``, ``trainer_timeout=3600``.

@@ -129,13 +129,16 @@ impl Artifact for Spent {
     }
 }
 
-/// S of all by one judge, whose name is the part, as JSON, and beside it the adapted policies.
+/// S of all by one judge, whose name is the part, as JSON, and beside it the adapted policies; those of somebody else's trainer
+/// are not ours to store.
 impl Artifact for Judged {
     fn store(&self, ledger: &mut dyn Ledger, judge: &str) -> Result<()> {
         let tensors = self.adapted.iter().flat_map(|AdaptedPolicy { demo, variant, policy }| {
             policy_tensors(&adapted_prefix(*variant, *demo), policy)
         });
-        ledger.store(&adapted_name(judge), &write_tensors(&tensors.collect::<Vec<_>>()))?;
+        if self.scores.trainer.is_none() {
+            ledger.store(&adapted_name(judge), &write_tensors(&tensors.collect::<Vec<_>>()))?;
+        }
         // An update has numbers of one of the imitators only.
         store_json_with(ledger, &scores_name(judge), &self.scores, Nulls::LeftOut)
     }
@@ -143,7 +146,11 @@ impl Artifact for Judged {
     fn recall(ledger: &dyn Ledger, judge: &str) -> Result<Option<Self>> {
         let name = adapted_name(judge);
         let scores: Option<ScoreTable> = recall_json(ledger, &scores_name(judge))?;
-        let (Some(scores), Some(bytes)) = (scores, ledger.recall(&name)?) else { return Ok(None) };
+        let Some(scores) = scores else { return Ok(None) };
+        if scores.trainer.is_some() {
+            return Ok(Some(Self { scores, adapted: Vec::new() }));
+        }
+        let Some(bytes) = ledger.recall(&name)? else { return Ok(None) };
         let tensors = Tensors::read_sealed(&bytes, &name)?;
         let adapted = |of: &Suitability| {
             let (demo, variant) = (of.demo, of.variant);

@@ -2,6 +2,7 @@
 //!
 //! One imitates by behavioral cloning from scratch (§4.1.1, C.4), many times and cheaply; the other is the paper's, which
 //! adapts meta-learned parameters (§4).
+//! Somebody else's trainer can judge in place of both, alone, since each of its imitations may take minutes.
 //! A judge whose repeats agree no better than shuffled ones has no vote, nor has one under which no imitation surely made
 //! the agent better: what it says of this set is chance.
 //! The order is that of the mean of both judges' gains (Eq. 8), or that of the one with a vote; `docs/design.md` says why.
@@ -31,14 +32,20 @@ pub enum Judge {
     Cloning,
     /// The paper's: meta-learned parameters that adapt, or what [`crate::stages::method::Method`] puts in their place.
     Paper,
+    /// Somebody else's trainer, which learns from each demonstration alone.
+    Trainer,
 }
 
 impl Judge {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Cloning, Self::Paper, Self::Trainer];
+
     /// The name under which its results are stored.
     pub fn name(self) -> &'static str {
         match self {
             Self::Cloning => "cloning",
             Self::Paper => "paper",
+            Self::Trainer => "trainer",
         }
     }
 }
@@ -60,6 +67,8 @@ pub enum Judges {
     Paper,
     /// Cloning first, then the paper's; where both decide, the mean of their gains.
     Both,
+    /// Somebody else's trainer alone.
+    Trainer,
 }
 
 impl From<Judge> for Judges {
@@ -67,6 +76,7 @@ impl From<Judge> for Judges {
         match judge {
             Judge::Cloning => Self::Cloning,
             Judge::Paper => Self::Paper,
+            Judge::Trainer => Self::Trainer,
         }
     }
 }
@@ -78,6 +88,7 @@ impl Judges {
             Self::Cloning => &[Judge::Cloning],
             Self::Paper => &[Judge::Paper],
             Self::Both => &[Judge::Cloning, Judge::Paper],
+            Self::Trainer => &[Judge::Trainer],
         }
     }
 }
@@ -383,7 +394,7 @@ mod tests {
             distances: Vec::new(),
             curves: Vec::new(),
         };
-        ScoreTable { suitabilities: worth.iter().enumerate().map(suitability).collect() }
+        ScoreTable::new(worth.iter().enumerate().map(suitability).collect())
     }
 
     fn judged(cloning: &ScoreTable, paper: &ScoreTable) -> Panel {

@@ -22,7 +22,7 @@ use crate::results::artifact::Artifact;
 use crate::results::data_only::{Column, DataOnly};
 use crate::results::gain;
 use crate::results::gain::Gain;
-use crate::results::panel::{self, Disagreement, Judge, Judges, Order, Panel, Vote};
+use crate::results::panel::{self, Disagreement, Judge, Order, Panel, Vote};
 use crate::stages::imitate::{CurvePoint, LearningCurve};
 use crate::stages::judge::{Judged, ScoreTable, Suitability};
 use crate::stages::method::{Account, Costs};
@@ -31,6 +31,7 @@ use crate::stages::select::{self, Keep, Ranking, Subset};
 use crate::stages::subset_selection::{Weighing, WeighingEnd};
 use crate::world::environment::{EnvVariant, Task};
 use crate::world::heuristic::Score;
+use crate::world::trainer::TrainerIdentity;
 
 pub use shown::{MOST_WORTH_A_LOOK, Moment, Shown, agent_episodes, typical_evaluation, worth_a_look};
 
@@ -150,6 +151,9 @@ pub struct Entry {
 pub struct JudgeShown {
     /// Who.
     pub judge: Judge,
+    /// Which trainer, where it is somebody else's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trainer: Option<TrainerIdentity>,
     /// Whether its order is the one that is taken, or its gains are in the mean of both that gives it.
     pub decides: bool,
     /// How many demonstrations it judged: all, or those near the cut.
@@ -290,7 +294,7 @@ pub fn report(sources: &Sources<'_>) -> Result<Report> {
         control_step_secs: specification.control_step_secs,
         unit: task.heuristic().unit().to_owned(),
         method: sources.costs.method.to_string(),
-        judges: panel.opinions.iter().map(|opinion| shown_judge(opinion, panel.decides)).collect(),
+        judges: shown_judges(ledger, panel)?,
         agreement: panel.agreement,
         disagreements: panel.disagreements.clone(),
         keep: sources.keep.to_string(),
@@ -321,15 +325,19 @@ pub fn judged(ledger: &dyn Ledger, judge: Judge) -> Result<Judged> {
     })
 }
 
-fn shown_judge(opinion: &panel::Opinion, decides: Judges) -> JudgeShown {
-    let panel::Opinion { judge, vote, agrees_with_itself, .. } = *opinion;
-    JudgeShown {
-        judge,
-        decides: decides.each().contains(&judge),
-        judged: opinion.judged(),
-        vote,
-        agrees_with_itself,
-    }
+fn shown_judges(ledger: &dyn Ledger, panel: &Panel) -> Result<Vec<JudgeShown>> {
+    let shown = |opinion: &panel::Opinion| {
+        let panel::Opinion { judge, vote, agrees_with_itself, .. } = *opinion;
+        Ok(JudgeShown {
+            judge,
+            trainer: judged(ledger, judge)?.scores.trainer,
+            decides: panel.decides.each().contains(&judge),
+            judged: opinion.judged(),
+            vote,
+            agrees_with_itself,
+        })
+    };
+    panel.opinions.iter().map(shown).collect()
 }
 
 /// The adaptation curves of all judges.

@@ -120,9 +120,7 @@ mod tests {
     }
 
     fn table(after: &[f64]) -> ScoreTable {
-        ScoreTable {
-            suitabilities: after.iter().enumerate().map(|(demo, &after)| found(demo, after)).collect(),
-        }
+        ScoreTable::new(after.iter().enumerate().map(|(demo, &after)| found(demo, after)).collect())
     }
 
     #[test]

@@ -211,13 +211,11 @@ impl Uncertainty {
 ///     distances: vec![0.0; 2],
 ///     curves: vec![vec![]; 2],
 /// };
-/// let table = ScoreTable {
-///     suitabilities: vec![
-///         found(0, [[1.0, 1.2], [0.8, 1.1]]),
-///         found(1, [[0.0, 0.1], [0.1, 0.2]]),
-///         found(2, [[1.1, 1.3], [0.8, 1.0]]),
-///     ],
-/// };
+/// let table = ScoreTable::new(vec![
+///     found(0, [[1.0, 1.2], [0.8, 1.1]]),
+///     found(1, [[0.0, 0.1], [0.1, 0.2]]),
+///     found(2, [[1.1, 1.3], [0.8, 1.0]]),
+/// ]);
 /// let found = uncertainty(&table, &Resampling::default(), &Seed::new(1))?;
 ///
 /// // The first and the third made the agent better, and which of the two is better nobody knows after so few tries.

@@ -42,6 +42,7 @@
 //! ```
 
 pub(crate) mod arrows;
+mod asked_trainer;
 mod checkpointing;
 mod checks;
 mod chosen;
@@ -76,6 +77,7 @@ use crate::world::policy::PolicyShape;
 use crate::world::rollout::Playground;
 
 use arrows::Arrow;
+pub use asked_trainer::{TrainerJudge, check_judged_by};
 pub use checkpointing::{Checkpointing, forget_checkpoint};
 pub(crate) use checkpointing::{OfPart, begun, stage_name, states_of_parts};
 pub use checks::{check, check_demonstrator, check_fits, check_has_weights};
@@ -133,6 +135,9 @@ pub struct Config {
     pub judge: Judging,
     /// Judging by behavioral cloning.
     pub cloning_judge: CloningJudge,
+    /// Judging by somebody else's trainer.
+    #[serde(default)]
+    pub trainer_judge: TrainerJudge,
     /// Selection of a subset by weights (Algorithm 3), where it is asked for.
     pub subset_selection: SubsetSelection,
     /// Imitation from scratch.
@@ -253,11 +258,12 @@ pub fn weighing(run: &mut Run<'_>, prior: &MetaPrior) -> Result<Weighing> {
 /// What the stages that the ledger holds have really played, beside the budget of the run's method.
 pub fn costs(run: &Run<'_>) -> Result<Costs> {
     let method = run.config.method;
-    let judges = [Judge::Cloning, Judge::Paper].map(|judge| stage_name(judge::STAGE, judge.name()));
-    let [cloning, judging] = judges;
+    let [cloning, judging, by_trainer] = Judge::ALL.map(|judge| stage_name(judge::STAGE, judge.name()));
     let before = method.stage().map(str::to_owned);
-    let stages =
-        [cloning].into_iter().chain(before).chain([judging.clone(), subset_selection::STAGE.to_owned()]);
+    let stages = [by_trainer, cloning]
+        .into_iter()
+        .chain(before)
+        .chain([judging.clone(), subset_selection::STAGE.to_owned()]);
     let imitations = [kept_part(run.config), "all".to_owned()].map(|part| stage_name(imitate::STAGE, &part));
     let recall = |stage: String| Ok(Spent::recall(run.ledger, &stage)?.map(|spent| (stage, spent)));
     let stages = stages.chain(imitations).chain([referee::STAGE.to_owned()]);

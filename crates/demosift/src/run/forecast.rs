@@ -171,6 +171,7 @@ impl Probe<'_, '_> {
                 self.updates_at_once(&experiment::cloning_update(config), &seed, clock)
             }
             Piece::Inner { judge: Judge::Paper } => self.updates_at_once(&config.inner, &seed, clock),
+            Piece::Inner { judge: Judge::Trainer } => unreachable!("a trainer makes no updates of ours"),
             Piece::PreTraining { demonstrations } => {
                 self.update(&config.inner, 1, demonstrations, &seed, clock)
             }

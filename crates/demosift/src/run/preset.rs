@@ -7,7 +7,7 @@ use crate::learning::gail::Fitting;
 use crate::learning::mutual_information::{Credit, Paid, PosteriorFitting};
 use crate::learning::trpo::TrustRegion;
 use crate::results::panel::Judges;
-use crate::run::experiment::{CloningJudge, Config, FULL_EFFORT_UP_TO, NEAR_CUT};
+use crate::run::experiment::{CloningJudge, Config, FULL_EFFORT_UP_TO, NEAR_CUT, TrainerJudge};
 use crate::stages::imitate::Imitation;
 use crate::stages::judge::Judging;
 use crate::stages::meta_train::{MetaTraining, MutualInformation, Order};
@@ -98,6 +98,7 @@ impl Preset {
                 },
                 full_effort_up_to: FULL_EFFORT_UP_TO,
             },
+            trainer_judge: TrainerJudge::default(),
             // ε: kept is what counts at least half as much as the mean.
             subset_selection: SubsetSelection {
                 rounds: self.by(6, 10, 30),

@@ -16,13 +16,18 @@
 //! is the mean of its last θ, since a single θ of one short adaptation is a noisy witness.
 //! Repeats go where they are needed: who surely belongs to one side of the cut gets no more of them (`race.rs`).
 //! θ may also be a policy that knows nothing, drawn again for each repeat; that is judging from scratch (§5.4).
+//! Somebody else's trainer may imitate in place of our updates ([`Imitating`]); its policies are played, and not kept.
 
 mod collecting;
 mod crew;
+mod effort;
+mod imitating;
 mod race;
 mod unit;
 
 pub use crew::{Crew, HandIn, JudgeUnit, ShareOfThreads, Threads};
+pub use effort::Effort;
+pub use imitating::Imitating;
 pub use unit::{Outcome, Unit, is_kept_whole, judge_unit};
 
 use std::borrow::Cow;
@@ -38,12 +43,13 @@ use crate::basics::observer::{Event, Observer};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::data::observation_filter::ObservationFilter;
-use crate::learning::adapt::{InnerUpdate, Learner, MetaPrior, UpdateReport};
+use crate::learning::adapt::{Learner, MetaPrior, UpdateReport};
 use crate::math::statistics::{mean_of, mean_or_zero};
-use crate::world::environment::{EnvVariant, Episode, Rollout, Specification};
+use crate::world::environment::{EnvVariant, Episode, Rollout};
 use crate::world::heuristic::Score;
 use crate::world::policy::{Policy, PolicyShape};
 use crate::world::rollout::{self, Acting, Playground};
+use crate::world::trainer::TrainerIdentity;
 
 /// How demonstrations are judged.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -157,9 +163,17 @@ fn mean_of_means(scores: &[Vec<Score>]) -> Score {
 pub struct ScoreTable {
     /// One per adaptation target.
     pub suitabilities: Vec<Suitability>,
+    /// Who imitated, where that was somebody else's trainer.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trainer: Option<TrainerIdentity>,
 }
 
 impl ScoreTable {
+    /// What imitations by ours scored.
+    pub fn new(suitabilities: Vec<Suitability>) -> Self {
+        Self { suitabilities, trainer: None }
+    }
+
     /// The adapted behaviors distance over the entire set (Table 1), the lower the better: how far from what was
     /// demonstrated the adapted agents are, in the units of observations and actions; NaN of an empty table.
     pub fn adapted_behaviors_distance(&self) -> f64 {
@@ -168,7 +182,7 @@ impl ScoreTable {
 
     /// What was found under one variant (Eq. 9 is taken per variant).
     pub fn under(&self, variant: EnvVariant) -> Self {
-        Self { suitabilities: self.of_variant(variant).cloned().collect() }
+        Self { suitabilities: self.of_variant(variant).cloned().collect(), trainer: self.trainer.clone() }
     }
 
     /// All under one variant, in the order of the set.
@@ -250,8 +264,8 @@ pub struct Trial<'a> {
     pub playground: &'a Playground<'a>,
     /// θ with D_meta.
     pub start: Start<'a>,
-    /// How an adaptation updates.
-    pub inner: &'a InnerUpdate,
+    /// How a demonstration is imitated.
+    pub imitating: Imitating<'a>,
     /// How long, how often and on what it is evaluated.
     pub judging: &'a Judging,
     /// K of the top K of those that are judged: further repeats must separate these from the others.
@@ -262,16 +276,40 @@ pub struct Trial<'a> {
     pub seed: &'a Seed,
 }
 
+impl Trial<'_> {
+    /// Whether the first repeats keep their policies: not those of many demonstrations, and not somebody else's.
+    pub fn keeps_policies(&self) -> bool {
+        is_kept_whole(self.demos.len()) && self.imitating.trainer().is_none()
+    }
+}
+
 /// Where judging stands; from here it goes on to the identical result.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JudgingState {
     finished: BTreeMap<Unit, Outcome>,
+    /// Who imitated, where that was somebody else's trainer.
+    trainer: Option<TrainerIdentity>,
 }
 
 impl JudgingState {
     /// Units that are finished.
     pub fn done(&self) -> usize {
         self.finished.len()
+    }
+
+    /// Demonstrations among them, each as often as it was imitated.
+    pub fn imitated(&self) -> usize {
+        self.finished.keys().filter(|unit| unit.demo.is_some()).count()
+    }
+
+    /// The same where it is of this trainer, or of ours where there is none; else a new one: what another has imitated says
+    /// nothing of this one.
+    #[must_use]
+    pub fn if_by(self, trainer: Option<&TrainerIdentity>) -> Self {
+        match self.trainer.as_ref() == trainer {
+            true => self,
+            false => Self { finished: BTreeMap::new(), trainer: trainer.cloned() },
+        }
     }
 
     /// Takes over the units that another state of the same judging has finished; of one that both have, either will do.
@@ -297,7 +335,7 @@ pub const STAGE: &str = "judge";
 /// use demosift::basics::seed::Seed;
 /// use demosift::learning::adapt::Learner;
 /// use demosift::run::preset::Preset;
-/// use demosift::stages::judge::{JudgingState, Start, Threads, Trial, judge};
+/// use demosift::stages::judge::{Imitating, JudgingState, Start, Threads, Trial, judge};
 /// use demosift::world::point_mass::{PointMass, planted_set};
 /// use demosift::world::rollout::Playground;
 ///
@@ -315,7 +353,7 @@ pub const STAGE: &str = "judge";
 ///     demos: &set.ids(),
 ///     playground: &Playground::new(&task),
 ///     start: Start::Prior(&prior),
-///     inner: &config.inner,
+///     imitating: Imitating::Updates(&config.inner),
 ///     judging: &config.judge,
 ///     cut: 1,
 ///     part: "",
@@ -333,6 +371,8 @@ pub const STAGE: &str = "judge";
 /// # Ok::<(), demosift::Error>(())
 /// ```
 ///
+/// What another trainer has imitated does not count, and `state` begins anew then.
+///
 /// # Errors
 /// Those of a unit, with its name; what was finished before is in `state`.
 pub fn judge(
@@ -341,9 +381,10 @@ pub fn judge(
     state: &mut JudgingState,
     observer: &mut dyn Observer,
 ) -> Result<Judged> {
-    let Trial { demos, playground, start, inner, judging, .. } = trial;
+    let Trial { demos, playground, start, imitating, judging, .. } = trial;
     let (task, starts_anew) = (playground.specification(), matches!(start, Start::Untrained { .. }));
-    let most = Effort::of(demos.len(), task, judging, inner, starts_anew).units;
+    let most = Effort::of(demos.len(), task, judging, imitating.inner(), starts_anew).units;
+    *state = std::mem::take(state).if_by(imitating.trainer());
     observer.on(Event::Started { stage: STAGE, done: state.done(), total: most })?;
     for round in 0..rounds(trial.judging) {
         let units = units(trial, state, round);
@@ -434,7 +475,7 @@ fn finish(
     observer: &mut dyn Observer,
 ) -> Result<()> {
     let one = |unit: &Unit| judge_unit(trial, unit);
-    let mut collecting = Collecting::new(trial.part, units, state, observer)?;
+    let mut collecting = Collecting::new(trial, units, state, observer)?;
     loop {
         let missing = collecting.missing();
         if missing.is_empty() {
@@ -462,6 +503,7 @@ fn assemble(trial: &Trial<'_>, state: &JudgingState) -> Judged {
     }
     let under = |variant, demo| found.get(&(variant, demo)).map_or(&[][..], Vec::as_slice);
     let mut judged = Judged::default();
+    judged.scores.trainer = trial.imitating.trainer().cloned();
     for variant in trial.playground.specification().variant_ids() {
         let before: Vec<Vec<Score>> =
             under(variant, None).iter().map(|outcome| outcome.scores.clone()).collect();
@@ -476,79 +518,11 @@ fn assemble(trial: &Trial<'_>, state: &JudgingState) -> Judged {
                 curves: of_demo.iter().map(|outcome| outcome.curve.clone()).collect(),
             });
             let policy = of_demo.iter().find_map(|outcome| outcome.policy.clone());
-            assert!(
-                policy.is_some() || !is_kept_whole(trial.demos.len()),
-                "the first repeat keeps its policy"
-            );
+            assert!(policy.is_some() || !trial.keeps_policies(), "the first repeat keeps its policy");
             judged.adapted.extend(policy.map(|policy| AdaptedPolicy { demo, variant, policy }));
         }
     }
     judged
-}
-
-/// What judging a set takes at most, where episodes last to the horizon; exact where no repeats are added. Where episodes end
-/// early, batches are filled with further ones, so that adapting takes about as many steps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Effort {
-    /// Adaptations and evaluations of the agent before, over all variants.
-    pub units: usize,
-    /// Inner updates of all adaptations.
-    pub updates: usize,
-    /// Environment steps that adapting plays.
-    pub adapting_steps: u64,
-    /// Environment steps that evaluating plays.
-    pub evaluating_steps: u64,
-}
-
-impl Effort {
-    /// Judging so many demonstrations of a task; `starts_anew` where each repeat starts from a policy of its own
-    /// ([`Start::Untrained`]).
-    pub fn of(
-        demonstrations: usize,
-        task: &Specification,
-        judging: &Judging,
-        inner: &InnerUpdate,
-        starts_anew: bool,
-    ) -> Self {
-        let (variants, repeats) = (task.variants.len(), judging.repeats.max(judging.most_repeats));
-        let contested = race::most_contested(demonstrations).min(demonstrations);
-        let further = contested * (repeats - judging.repeats);
-        let adaptations = (demonstrations * judging.repeats + further) * variants;
-        let starts = if starts_anew { repeats } else { 1 } * variants;
-        let updates = adaptations * judging.iterations;
-        let units = adaptations + starts;
-        Self {
-            units,
-            updates,
-            adapting_steps: (updates * inner.episodes(task.horizon) * task.horizon) as u64,
-            evaluating_steps: (units * judging.episodes(task.horizon) * task.horizon) as u64,
-        }
-    }
-
-    /// With so many demonstrations looked at afterward, where the set is so large that [`judge`] leaves that out.
-    #[must_use]
-    pub fn and_looking_at(
-        self,
-        demos: usize,
-        task: &Specification,
-        judging: &Judging,
-        inner: &InnerUpdate,
-    ) -> Self {
-        let once = Judging { repeats: 1, most_repeats: 0, ..judging.clone() };
-        let of = |demos| Self::of(demos, task, &once, inner, false);
-        let (looked, start) = (of(demos), of(0));
-        Self {
-            units: self.units,
-            updates: self.updates + looked.updates,
-            adapting_steps: self.adapting_steps + looked.adapting_steps,
-            evaluating_steps: self.evaluating_steps + looked.evaluating_steps - start.evaluating_steps,
-        }
-    }
-
-    /// Environment steps in all.
-    pub fn steps(&self) -> u64 {
-        self.adapting_steps + self.evaluating_steps
-    }
 }
 
 /// An episode that was played again.

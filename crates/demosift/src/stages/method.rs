@@ -122,7 +122,8 @@ fn budget_by_steps(
     let Asked { learning, judging, judged } = *asked;
     let Learning { training, inner, .. } = learning;
     let plainly = learning.plain();
-    let judged_by = |judging| Effort::of(judged, playground.specification(), judging, inner, false).steps();
+    let judged_by =
+        |judging| Effort::of(judged, playground.specification(), judging, Some(inner), false).steps();
     let judged = judged_by(judging);
     let rounds = |how| meta_train::steps_by_round(set, playground, how, seed);
     let learned: u64 = rounds(&plainly).take(training.rounds).sum();
@@ -171,7 +172,7 @@ fn budget_by_updates(
         }
     };
     let judging = Judging { iterations, ..judging.clone() };
-    let judged = Effort::of(judged, task, &judging, inner, false).steps();
+    let judged = Effort::of(judged, task, &judging, Some(inner), false).steps();
     Budget { quota: learned + judged, updates, iterations }
 }
 

@@ -223,14 +223,12 @@ fn ranked(demo: DemoId, found: &[&Suitability]) -> Ranked {
 ///     distances: vec![0.0],
 ///     curves: vec![vec![]],
 /// };
-/// let table = ScoreTable {
-///     suitabilities: vec![
-///         found(0, 0, [1.0, 2.0], [1.5, 2.5]), // S = 0.5
-///         found(1, 0, [1.0, 2.0], [2.0, 3.0]), // S = 1
-///         found(0, 1, [0.0, 0.0], [0.5, 0.5]), // S = 0.5
-///         found(1, 1, [0.0, 0.0], [-1.0, -1.0]), // S = −1
-///     ],
-/// };
+/// let table = ScoreTable::new(vec![
+///     found(0, 0, [1.0, 2.0], [1.5, 2.5]), // S = 0.5
+///     found(1, 0, [1.0, 2.0], [2.0, 3.0]), // S = 1
+///     found(0, 1, [0.0, 0.0], [0.5, 0.5]), // S = 0.5
+///     found(1, 1, [0.0, 0.0], [-1.0, -1.0]), // S = −1
+/// ]);
 ///
 /// // Under the first variant the second demonstration is the more suitable one; over both it is not.
 /// assert_eq!(top_k(&rank_under(&table, EnvVariant(0)), 1)?.demos, [DemoId(1)]);
@@ -283,7 +281,7 @@ mod tests {
             distances: Vec::new(),
             curves: Vec::new(),
         };
-        ScoreTable { suitabilities: scores.iter().map(suitability).collect() }
+        ScoreTable::new(scores.iter().map(suitability).collect())
     }
 
     fn order(ranking: &Ranking) -> Vec<usize> {

@@ -40,7 +40,9 @@ use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::data::weights::Weights;
 use crate::learning::adapt::MetaPrior;
 use crate::math::statistics;
-use crate::stages::judge::{self, Judging, JudgingState, ScoreTable, Start, Suitability, Threads, Trial};
+use crate::stages::judge::{
+    self, Imitating, Judging, JudgingState, ScoreTable, Start, Suitability, Threads, Trial,
+};
 use crate::stages::meta_train::{self, Learning, MetaState, MetaTraining, MutualInformation};
 use crate::world::heuristic::Score;
 use crate::world::rollout::Playground;
@@ -259,7 +261,7 @@ fn assess(round: &Round<'_>, prior: &MetaPrior, observer: &mut dyn Observer) -> 
         demos: &round.set.ids(),
         playground: round.playground,
         start: Start::Prior(prior),
-        inner: learning.inner,
+        imitating: Imitating::Updates(learning.inner),
         judging: &few,
         cut: round.set.len(),
         part: "",
@@ -307,7 +309,7 @@ impl Effort {
         let training = fine_tuning(set, &learning, meta_updates);
         let judging = assessing(selection, judging);
         let assessing =
-            judge::Effort::of(set.len(), playground.specification(), &judging, learning.inner, false);
+            judge::Effort::of(set.len(), playground.specification(), &judging, Some(learning.inner), false);
         let learning = Learning { training: &training, ..learning };
         let seed = fine_tuning_seed(seed);
         let steps = meta_train::steps_by_round(set, playground, &learning, &seed);

@@ -57,7 +57,7 @@ impl<'t> Playground<'t> {
         Ok(Self { waiting: Some(waiting), ..Self::new(task) })
     }
 
-    /// The same with somebody else's trainer, whose policies the referee plays here beside its own.
+    /// The same with somebody else's trainer, whose policies judging or the referee plays here.
     #[must_use]
     pub fn with_trainer(self, trainer: &'t dyn Trainer) -> Self {
         Self { trainer: Some(trainer), ..self }

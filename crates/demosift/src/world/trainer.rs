@@ -13,7 +13,8 @@ pub struct TrainerIdentity {
     /// Its name for people, such as `my_train.py:train`.
     pub name: String,
     /// Hash of the file that it is in, where that is known: with another file it is another trainer.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    // Written where it is not known too: a checkpoint names no fields, and would be read as another.
+    #[serde(default)]
     pub sha256: Option<String>,
 }
 

@@ -58,7 +58,7 @@ fn what_was_judged_comes_back_with_every_adapted_policy() {
         (suitability, AdaptedPolicy { demo, variant, policy: moved })
     };
     let (suitabilities, adapted) = [of(0, 0.1), of(1, -0.2)].into_iter().unzip();
-    let judged = Judged { scores: ScoreTable { suitabilities }, adapted };
+    let judged = Judged { scores: ScoreTable::new(suitabilities), adapted };
     let mut ledger = InMemory::default();
     judged.store(&mut ledger, "paper").expect("memory");
     assert_eq!(Judged::recall(&ledger, "cloning").expect("readable"), None, "another judge");

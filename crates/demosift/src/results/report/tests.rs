@@ -10,7 +10,7 @@ use crate::learning::gail::Fitting;
 use crate::learning::trpo::{StepEnd, TrustRegion};
 use crate::results::data_only::Column;
 use crate::results::panel::{Found, panel};
-use crate::stages::judge::{self, AdaptedPolicy, Judging, JudgingState, Start, Threads, Trial};
+use crate::stages::judge::{self, AdaptedPolicy, Imitating, Judging, JudgingState, Start, Threads, Trial};
 use crate::stages::method::{Account, Budget, Method, Spent};
 use crate::stages::select::Ranked;
 use crate::world::point_mass::{PointMass, planted_set};
@@ -50,9 +50,7 @@ fn suitability(demo: usize, after: [[f64; 2]; 2]) -> Suitability {
 
 fn table() -> ScoreTable {
     let scores = [[[-6.0, -6.5], [-6.0, -6.5]], [[-1.0, -2.0], [-1.0, -1.5]], [[-3.0, -3.5], [-3.0, -4.0]]];
-    ScoreTable {
-        suitabilities: scores.into_iter().enumerate().map(|(demo, after)| suitability(demo, after)).collect(),
-    }
+    ScoreTable::new(scores.into_iter().enumerate().map(|(demo, after)| suitability(demo, after)).collect())
 }
 
 fn judged() -> Judged {
@@ -185,7 +183,7 @@ fn an_evaluation_is_played_again_to_the_bit_and_a_changed_one_is_refused() {
         demos: &set.ids(),
         playground: &playground,
         start: Start::Prior(&prior),
-        inner: &inner(),
+        imitating: Imitating::Updates(&inner()),
         judging: &judging,
         cut: 1,
         part: "",

@@ -13,7 +13,7 @@ fn table(after: &[Vec<Vec<f64>>]) -> ScoreTable {
         distances: Vec::new(),
         curves: Vec::new(),
     };
-    ScoreTable { suitabilities: after.iter().enumerate().map(suitability).collect() }
+    ScoreTable::new(after.iter().enumerate().map(suitability).collect())
 }
 
 /// Where the noise of a synthetic judgment comes from, as standard deviations.

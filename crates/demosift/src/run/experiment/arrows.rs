@@ -24,7 +24,7 @@ impl Arrow {
     /// What it starts from.
     fn from(self) -> Option<Self> {
         match self {
-            Self::Prior | Self::Scores(Judge::Cloning) => None,
+            Self::Prior | Self::Scores(Judge::Cloning | Judge::Trainer) => None,
             Self::Scores(Judge::Paper) | Self::Weighing => Some(Self::Prior),
         }
     }

@@ -53,12 +53,12 @@ pub(crate) fn begun<State: serde::de::DeserializeOwned>(
     ledger: &dyn Ledger,
     stage: &str,
     part: &str,
-    done: impl FnOnce(&State) -> usize,
+    done: impl FnOnce(State) -> usize,
 ) -> Result<(u64, usize)> {
     let checkpoint = artifact::checkpoint_name(stage, part);
     let Some(bytes) = ledger.recall(&checkpoint)? else { return Ok((0, 0)) };
     let (spent, state): (Spent, State) = artifact::read_checkpoint(&bytes, &checkpoint)?;
-    Ok((spent.environment_steps, done(&state)))
+    Ok((spent.environment_steps, done(state)))
 }
 
 /// Where a part of a run stands in a stage.

@@ -101,7 +101,7 @@ pub fn check_has_weights(method: Method) -> Result<()> {
 /// Whether each number of the configuration means something by itself.
 fn check_numbers(config: &Config) -> Result<()> {
     let Config { policy, inner, meta_train, mutual_information, subset_selection, imitate, .. } = config;
-    let Config { judge, cloning_judge, .. } = config;
+    let Config { judge, cloning_judge, trainer_judge, .. } = config;
     let mut numbers = Numbers::default();
     numbers.count("near_cut", config.near_cut);
     numbers.policy("policy", policy);
@@ -119,6 +119,8 @@ fn check_numbers(config: &Config) -> Result<()> {
     numbers.judging("judge", judge);
     numbers.judging("cloning_judge.judging", &cloning_judge.judging);
     numbers.cloning("cloning_judge.cloning", &cloning_judge.cloning);
+    numbers.count("trainer_judge.repeats", trainer_judge.repeats);
+    numbers.count("trainer_judge.evaluations", trainer_judge.evaluations);
     numbers.subset_selection("subset_selection", subset_selection);
     numbers.count("imitate.evaluations", imitate.evaluations);
     numbers.update("imitate.update", &imitate.update);

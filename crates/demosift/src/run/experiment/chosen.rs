@@ -89,6 +89,7 @@ fn as_keeper(judges: Judges) -> &'static str {
         Judges::Cloning => "cloning",
         Judges::Paper => "the paper's judge",
         Judges::Both => "both",
+        Judges::Trainer => "the trainer",
     }
 }
 

@@ -2,12 +2,13 @@
 
 use std::collections::BTreeSet;
 
+use super::asked_trainer::Asks;
 use super::made_with::{
     JudgedBy, Preparation, check_budget, information, judged_by, learning_by, learning_seed, preparation,
 };
 use super::{
-    Checkpointing, Config, OfPart, Run, arrows, check_known, cut, cut_of_judging, forget_checkpoint, make,
-    near_cut, stage_name, states_of_parts,
+    Checkpointing, Config, OfPart, Run, arrows, asked_trainer, check_known, cut, cut_of_judging,
+    forget_checkpoint, make, near_cut, stage_name, states_of_parts,
 };
 use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
@@ -17,10 +18,10 @@ use crate::data::likeness::TrainedOn;
 use crate::data::observation_filter::ObservationFilter;
 use crate::learning::adapt::{self, Learner, MetaPrior};
 use crate::results::artifact::Artifact;
-use crate::results::panel::{self, Found, Judge, Judges, Opinion, Panel};
+use crate::results::panel::{self, Found, Judge, Opinion, Panel};
 use crate::results::report;
 use crate::stages::judge::{
-    self, Crew, Judged, Judging, JudgingState, ScoreTable, ShareOfThreads, Start, Threads, Trial,
+    self, Crew, Imitating, Judged, Judging, JudgingState, ScoreTable, ShareOfThreads, Start, Threads, Trial,
 };
 use crate::stages::meta_train::{self, MetaState, MetaTraining};
 use crate::stages::pre_train::{self, PreTrainState, PreTraining};
@@ -91,14 +92,19 @@ fn pre_trained(
 }
 
 /// DemonstrationSet → ScoreTable, by one judge; that of the paper learns its prior first.
+///
+/// # Errors
+/// Those of judging; `is_bad_config` if somebody else's trainer is to judge and the playground has none, or another than the
+/// one that has judged.
 pub fn scores(run: &mut Run<'_>, judge: Judge) -> Result<ScoreTable> {
     if let Some(Judged { scores, .. }) = Artifact::recall(run.ledger, judge.name())? {
         let demos = scores.suitabilities.iter().map(|of| of.demo);
         check_known(run.set, demos, &format!("the scores of the judge {}", judge.name()))?;
+        asked_trainer::check_same(&scores, run.playground.trainer())?;
         return Ok(scores);
     }
     match judge {
-        Judge::Cloning => {
+        Judge::Cloning | Judge::Trainer => {
             let filter = filter(run)?;
             judged(run, judge, untrained(run.config, &filter))
         }
@@ -122,7 +128,7 @@ pub fn first_start(run: &Run<'_>, judge: Judge) -> Result<Policy> {
     let seed = judging_seed(run.config, judge);
     let policy = |start: Start<'_>| start.learner(run.set, 0, &seed).policy.clone();
     match judge {
-        Judge::Cloning => Ok(policy(untrained(run.config, &filter(run)?))),
+        Judge::Cloning | Judge::Trainer => Ok(policy(untrained(run.config, &filter(run)?))),
         Judge::Paper => {
             let prior = MetaPrior::recall(run.ledger, "")?
                 .ok_or_else(|| Error::bad_input("the run folder holds no prior.safetensors any more"))?;
@@ -131,7 +137,7 @@ pub fn first_start(run: &Run<'_>, judge: Judge) -> Result<Policy> {
     }
 }
 
-/// From what the judge by cloning starts.
+/// From what the judge by cloning starts, and what one by a trainer compares with.
 fn untrained<'a>(config: &'a Config, filter: &'a ObservationFilter) -> Start<'a> {
     let discriminator_hidden = &config.meta_train.discriminator_hidden;
     Start::Untrained { shape: &config.policy, discriminator_hidden, filter }
@@ -146,6 +152,10 @@ fn filter(run: &Run<'_>) -> Result<ObservationFilter> {
 /// Algorithm 2.
 fn judged(run: &mut Run<'_>, judge: Judge, start: Start<'_>) -> Result<ScoreTable> {
     let JudgedBy { judging, inner, .. } = &judged_by(run, judge);
+    let imitating = match inner.as_deref() {
+        Some(inner) => Imitating::Updates(inner),
+        None => Imitating::Trainer(asked_trainer::of(run.playground, Asks::Judge)?),
+    };
     let near_cut::Judged { demos, cut } = whom(run, judge)?;
     let (part, seed) = (judge.name(), judging_seed(run.config, judge));
     let Run { set, playground, ledger, observer, .. } = run;
@@ -158,13 +168,14 @@ fn judged(run: &mut Run<'_>, judge: Judge, start: Start<'_>) -> Result<ScoreTabl
     let crew: &dyn Crew = share.as_ref().map_or(&Threads, |share| share);
     let (mut state, mut checkpointing) =
         Checkpointing::begin(*ledger, *observer, playground, judge::STAGE, part, anew)?;
+    state = state.if_by(imitating.trainer());
     for other in others {
         checkpointing.was_worked_on_by(&other.spent);
-        state.take_over(other.state);
+        state.take_over(other.state.if_by(imitating.trainer()));
     }
-    let trial = Trial { set, demos: &demos, playground, start, inner, judging, cut, part, seed: &seed };
+    let trial = Trial { set, demos: &demos, playground, start, imitating, judging, cut, part, seed: &seed };
     let mut judged = judge::judge(&trial, crew, &mut state, &mut checkpointing)?;
-    if judged.adapted.len() < judged.scores.suitabilities.len() {
+    if inner.is_some() && judged.adapted.len() < judged.scores.suitabilities.len() {
         let demos = worth_a_look(&judged.scores, cut);
         judged = judge::look_at(&trial, &demos, &mut state, &mut checkpointing)?;
     }
@@ -198,7 +209,7 @@ pub fn judging_seed(config: &Config, judge: Judge) -> Seed {
 /// goal (Eq. 9 is taken per goal). What the run about one goal has already stays.
 pub fn hand_on(from: &dyn Ledger, to: &mut dyn Ledger, goal: EnvVariant) -> Result<()> {
     hand_on_prior(from, to)?;
-    for judge in Judges::Both.each() {
+    for judge in Judge::ALL {
         let name = judge.name();
         if let (Some(judged), None) = (Judged::recall(from, name)?, Judged::recall(to, name)?) {
             judged.under(goal).store(to, name)?;

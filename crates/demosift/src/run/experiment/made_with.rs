@@ -83,8 +83,8 @@ pub(crate) struct JudgedBy<'a> {
     pub(crate) demonstrations: usize,
     /// How long, how often and on what it is evaluated.
     pub(crate) judging: Judging,
-    /// How an adaptation updates.
-    pub(crate) inner: Cow<'a, InnerUpdate>,
+    /// How an adaptation updates; `None` where somebody else's trainer imitates.
+    pub(crate) inner: Option<Cow<'a, InnerUpdate>>,
     /// Whether each repeat starts from an untrained policy of its own, and not all from the prior.
     pub(crate) starts_anew: bool,
 }
@@ -97,14 +97,20 @@ pub(crate) fn judged_by<'a>(run: &Run<'a>, judge: Judge) -> JudgedBy<'a> {
         Judge::Cloning => JudgedBy {
             demonstrations,
             judging: sparing::judging(&config.cloning_judge, run.set),
-            inner: Cow::Owned(cloning_update(config)),
+            inner: Some(Cow::Owned(cloning_update(config))),
             starts_anew: true,
         },
         Judge::Paper => JudgedBy {
             demonstrations,
             judging: Judging { iterations: budget(run).iterations, ..config.judge.clone() },
-            inner: Cow::Borrowed(&config.inner),
+            inner: Some(Cow::Borrowed(&config.inner)),
             starts_anew: false,
+        },
+        Judge::Trainer => JudgedBy {
+            demonstrations,
+            judging: config.trainer_judge.judging(),
+            inner: None,
+            starts_anew: true,
         },
     }
 }
@@ -114,11 +120,14 @@ impl JudgedBy<'_> {
     pub(crate) fn effort(&self, run: &Run<'_>) -> judge::Effort {
         let task = run.playground.specification();
         let all = self.demonstrations;
-        let effort = judge::Effort::of(all, task, &self.judging, &self.inner, self.starts_anew);
-        if judge::is_kept_whole(all) {
-            return effort;
+        let inner = self.inner.as_deref();
+        let effort = judge::Effort::of(all, task, &self.judging, inner, self.starts_anew);
+        match inner {
+            Some(inner) if !judge::is_kept_whole(all) => {
+                effort.and_looking_at(most_looked_at(all, task), task, &self.judging, inner)
+            }
+            _ => effort,
         }
-        effort.and_looking_at(most_looked_at(all, task), task, &self.judging, &self.inner)
     }
 }
 

@@ -6,6 +6,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rayon::prelude::*;
 
+use super::asked_trainer::{self, Asks};
 use super::{Config, Run};
 use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
@@ -37,7 +38,7 @@ pub const BEST: &str = "best";
 /// asked for and the playground has none; those of the trainer.
 pub fn verdict(run: &mut Run<'_>, kept: &[NamedSubset]) -> Result<Verdict> {
     if run.config.referee.trainer > 0 {
-        trainer_of(run.playground)?;
+        asked_trainer::of(run.playground, Asks::Referee)?;
     }
     let candidates = referee::candidates(&run.set.ids(), kept)?;
     if let Some(verdict) = recalled(run, &candidates)? {
@@ -68,14 +69,6 @@ pub fn verdict(run: &mut Run<'_>, kept: &[NamedSubset]) -> Result<Verdict> {
     let verdict = contest.decide(run.playground.task().heuristic().unit(), identity(run).cloned());
     store(run, &verdict, played)?;
     Ok(verdict)
-}
-
-/// Who trains here besides our imitators; an error where trainings by a trainer are asked for and nobody is there.
-fn trainer_of<'a>(playground: &Playground<'a>) -> Result<&'a dyn Trainer> {
-    playground.trainer().ok_or_else(|| {
-        Error::bad_config("referee.trainer asks for trainings by a trainer, and there is none")
-            .with_hint("add --trainer FILE.py:FUNCTION, or leave it out of --referee")
-    })
 }
 
 /// Which trainer the run has.
@@ -289,7 +282,8 @@ fn train(ground: Ground<'_>, unit: Unit, own: bool, shared: &Mutex<Shared<'_>>) 
             (Made::from(&curve), shared)
         }
         None => {
-            let (trainer, evaluations) = (trainer_of(playground)?, config.imitate.evaluations);
+            let trainer = asked_trainer::of(playground, Asks::Referee)?;
+            let evaluations = config.imitate.evaluations;
             let by = referee::train_by(trainer, set, &demos, playground, evaluations, &seed)?;
             let mut shared = lock(shared);
             by.store(shared.ledger, &part)?;

@@ -21,6 +21,7 @@ use crate::stages::referee::{self, DECISIVE, Meant, NamedSubset, imitation_by, s
 use crate::stages::select::{Keep, Subset};
 use crate::stages::subset_selection::{self, WeighingState};
 use crate::world::rollout::Playground;
+use crate::world::trainer::Trainer;
 
 /// How far along the flow a command goes.
 #[derive(Clone, Copy, Debug)]
@@ -198,7 +199,7 @@ fn prior(run: &Run<'_>) -> Result<Option<Planned>> {
                 at_most: false,
                 pieces: vec![(Piece::Round { meta_batch: training.meta_batch }, training.rounds as f64)],
             };
-            let (spent, done) = begun(run.ledger, meta_train::STAGE, "", |state: &MetaState| state.rounds)?;
+            let (spent, done) = begun(run.ledger, meta_train::STAGE, "", |state: MetaState| state.rounds)?;
             Ok(whole.rest(spent, done, training.rounds))
         }
         Preparation::PreTraining(PreTraining { updates, inner, .. }) => {
@@ -211,7 +212,7 @@ fn prior(run: &Run<'_>) -> Result<Option<Planned>> {
                 pieces: vec![(Piece::PreTraining { demonstrations: run.set.len() }, updates as f64)],
             };
             let (spent, done) =
-                begun(run.ledger, pre_train::STAGE, "", |state: &PreTrainState| state.updates)?;
+                begun(run.ledger, pre_train::STAGE, "", |state: PreTrainState| state.updates)?;
             Ok(whole.rest(spent, done, updates))
         }
     }
@@ -219,7 +220,7 @@ fn prior(run: &Run<'_>) -> Result<Option<Planned>> {
 
 fn scores(run: &Run<'_>, judge: Judge) -> Result<Option<Planned>> {
     let by = experiment::judged_by(run, judge);
-    let effort = by.effort(run);
+    let (effort, mut imitated) = (by.effort(run), 0);
     let whole = Whole {
         stage: stage_name(judge::STAGE, judge.name()),
         environment_steps: effort.steps(),
@@ -227,8 +228,15 @@ fn scores(run: &Run<'_>, judge: Judge) -> Result<Option<Planned>> {
         at_most: by.judging.most_repeats > by.judging.repeats,
         pieces: pieces(judge, &by.judging, &effort),
     };
-    let (spent, done) = begun(run.ledger, judge::STAGE, judge.name(), JudgingState::done)?;
-    Ok(whole.rest(spent, done, effort.units))
+    let trainer = run.playground.trainer().filter(|_| by.inner.is_none()).map(Trainer::identity);
+    let (spent, done) = begun(run.ledger, judge::STAGE, judge.name(), |state: JudgingState| {
+        let state = state.if_by(trainer);
+        imitated = state.imitated();
+        state.done()
+    })?;
+    let spent = if done == 0 { 0 } else { spent };
+    let by_trainer = effort.by_trainer.saturating_sub(imitated);
+    Ok(whole.rest(spent, done, effort.units).map(|rest| Planned { by_trainer, ..rest }))
 }
 
 fn pieces(judge: Judge, judging: &Judging, effort: &Effort) -> Vec<(Piece, f64)> {
@@ -253,7 +261,7 @@ fn weighing(run: &Run<'_>) -> Result<Option<Planned>> {
         pieces: parts,
     };
     let (spent, done) =
-        begun(run.ledger, subset_selection::STAGE, "", |state: &WeighingState| state.rounds.len())?;
+        begun(run.ledger, subset_selection::STAGE, "", |state: WeighingState| state.rounds.len())?;
     Ok(whole.rest(spent, done, effort.rounds))
 }
 
@@ -282,7 +290,7 @@ fn imitation(run: &Run<'_>, part: &str, demos: Option<&[DemoId]>, size: usize) -
             run.ledger,
             imitate::STAGE,
             part,
-            |state: &ImitationState| {
+            |state: ImitationState| {
                 if is_meant(state.demos()) { state.updates() } else { 0 }
             },
         )?;
@@ -398,7 +406,7 @@ pub fn planned_recording(
             pieces: vec![(Piece::Demonstrator, steps as f64)],
         };
         let (spent, done) =
-            begun(ledger, demonstrator::STAGE, "", |state: &DemonstratorState| state.updates())?;
+            begun(ledger, demonstrator::STAGE, "", |state: DemonstratorState| state.updates())?;
         stages.extend(whole.rest(spent, done, training.updates.max(1)));
     }
     let assessing = recording.demonstrators * recording.assessed * task.horizon;

@@ -39,6 +39,8 @@ impl Fingerprint {
 const FULL_EFFORT: &str = "full_effort_up_to";
 const NEAR: &str = "near_cut";
 const PORTABLE: &str = "portable";
+/// No study asks somebody else's trainer to judge.
+const TRAINER_JUDGE: &str = "trainer_judge";
 
 /// The hash of the values that enter some work; imitator and seed stand in the work itself.
 pub fn hash_of_entering(work: &Work, config: &Config) -> String {
@@ -70,6 +72,7 @@ fn enters(work: &Work, judges: Judges, key: &str) -> bool {
     const NEVER_WEIGHS: [&str; 7] = ["seed", "imitate", "referee", "cloning_judge", "judges", "keep", NEAR];
     const PAPER_ALONE: [&str; 5] = ["method", "inner", "meta_train", "mutual_information", "judge"];
     match (work, judges) {
+        _ if key == TRAINER_JUDGE => false,
         // One judge judges everybody.
         (Work::Judging { .. }, Judges::Cloning | Judges::Paper) if key == NEAR => false,
         (Work::Training { .. }, _) => ["policy", "imitate", PORTABLE].contains(&key),
@@ -77,6 +80,29 @@ fn enters(work: &Work, judges: Judges, key: &str) -> bool {
         (Work::Judging { .. }, _) if NEVER_JUDGES.contains(&key) => false,
         (Work::Judging { .. }, Judges::Cloning) => !PAPER_ALONE.contains(&key),
         (Work::Judging { .. }, Judges::Paper) => key != "cloning_judge",
-        (Work::Judging { .. }, Judges::Both) => true,
+        (Work::Judging { .. }, Judges::Both | Judges::Trainer) => true,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run::experiment::TrainerJudge;
+    use crate::run::preset::Preset;
+
+    /// Cells of before a trainer could judge stay right, whatever is said of it.
+    #[test]
+    fn how_a_trainer_would_judge_enters_no_cell() {
+        let (set, method) = ("set".to_owned(), "method".to_owned());
+        let judging = Work::Judging { set: set.clone(), method: method.clone(), seed: 0 };
+        for work in [judging, Work::Weighing { set, method, seed: 0 }] {
+            for judges in [Judges::Cloning, Judges::Paper, Judges::Both] {
+                assert!(!enters(&work, judges, TRAINER_JUDGE));
+                let config = Config { judges, ..Preset::Quick.config() };
+                let repeats = TrainerJudge { repeats: 7, ..TrainerJudge::default() };
+                let other = Config { trainer_judge: repeats, ..config.clone() };
+                assert_eq!(hash_of_entering(&work, &config), hash_of_entering(&work, &other));
+            }
+        }
     }
 }

@@ -188,9 +188,11 @@ pub fn planned_judging(means: &Means<'_>) -> u64 {
         experiment::budget(&Run { set, playground, config, ledger, observer }).quota
     };
     let judged = |set: &DemonstrationSet, config: &Config| {
-        Effort::of(set.len(), task, &config.judge, &config.inner, false).steps()
+        Effort::of(set.len(), task, &config.judge, Some(&config.inner), false).steps()
     };
     let of = |judge: &Judge| match (judge, means.prior) {
+        // Which a study does not ask.
+        (Judge::Trainer, _) => 0,
         (Judge::Paper, None) => quota(means.set, means.config),
         (Judge::Paper, Some(PriorOf { set, config })) => {
             quota(set, config).saturating_sub(judged(set, config)) + judged(means.set, means.config)
@@ -198,7 +200,7 @@ pub fn planned_judging(means: &Means<'_>) -> u64 {
         (Judge::Cloning, _) => {
             let judging = &means.config.cloning_judge.judging;
             let inner = &experiment::cloning_update(means.config);
-            Effort::of(means.set.len(), task, judging, inner, true).steps()
+            Effort::of(means.set.len(), task, judging, Some(inner), true).steps()
         }
     };
     means.config.judges.each().iter().map(of).sum()

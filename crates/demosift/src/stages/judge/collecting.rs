@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::unit::{Outcome, Unit};
-use super::{JudgingState, STAGE};
+use super::{JudgingState, STAGE, Trial};
 use crate::basics::error::Result;
 use crate::basics::observer::{Event, Observer};
 
@@ -19,6 +19,8 @@ const STEPS_PER_WRITTEN_UNIT: u64 = 30;
 /// Takes outcomes in whatever order they come, and tells of them in that of the units.
 pub(super) struct Collecting<'a> {
     part: &'a str,
+    /// Whether each unit is stored as it is finished, since nobody knows how long a training by somebody else's trainer took.
+    at_once: bool,
     units: &'a [Unit],
     /// Those of them that are not finished.
     missing: BTreeSet<Unit>,
@@ -33,14 +35,16 @@ pub(super) struct Collecting<'a> {
 
 impl<'a> Collecting<'a> {
     pub(super) fn new(
-        part: &'a str,
+        trial: &Trial<'a>,
         units: &'a [Unit],
         state: &'a mut JudgingState,
         observer: &'a mut dyn Observer,
     ) -> Result<Self> {
         let stored = state.done();
         let missing = units.iter().filter(|unit| !state.finished.contains_key(unit)).copied().collect();
-        let mut collecting = Self { part, units, missing, told: 0, stored, played: 0, state, observer };
+        let (part, at_once) = (trial.part, trial.imitating.trainer().is_some());
+        let mut collecting =
+            Self { part, at_once, units, missing, told: 0, stored, played: 0, state, observer };
         collecting.tell()?;
         Ok(collecting)
     }
@@ -61,7 +65,7 @@ impl<'a> Collecting<'a> {
         let done = self.state.done();
         self.observer.on(Event::Advanced { stage: STAGE, done })?;
         let has_grown = (done - self.stored) * GROWTH >= self.stored.max(1);
-        if has_grown || self.played >= done as u64 * STEPS_PER_WRITTEN_UNIT {
+        if self.at_once || has_grown || self.played >= done as u64 * STEPS_PER_WRITTEN_UNIT {
             self.checkpoint()?;
         }
         Ok(())

@@ -2,7 +2,7 @@ use std::sync::Mutex;
 
 use super::*;
 use crate::basics::error::Error;
-use crate::learning::adapt;
+use crate::learning::adapt::{self, InnerUpdate};
 use crate::run::preset::Preset;
 use crate::world::point_mass::{PointMass, planted_set};
 
@@ -70,12 +70,16 @@ fn with_trial<T>(work: impl FnOnce(&Trial<'_>) -> T) -> T {
             discriminator_hidden: &[8],
             filter: &adapt::filter_of(&set),
         },
-        inner: &inner,
+        imitating: Imitating::Updates(&inner),
         judging: &judging,
         cut: 1,
         part: "paper",
         seed: &Seed::new(5),
     })
+}
+
+fn inner_of<'a>(trial: &Trial<'a>) -> &'a InnerUpdate {
+    trial.imitating.inner().expect("it is ours")
 }
 
 fn came(trial: &Trial<'_>, crew: &dyn Crew) -> Came {
@@ -218,9 +222,10 @@ fn of_a_large_set_policies_and_curves_are_made_for_those_that_are_looked_at_alon
         let set = planted_set(&bearings, Seed::new(1)).expect("a valid set");
         let judging =
             Judging { iterations: 1, evaluations: 1, repeats: 1, most_repeats: 0, ..*trial.judging };
-        let inner = InnerUpdate { batch_steps: 30, ..trial.inner.clone() };
+        let inner = InnerUpdate { batch_steps: 30, ..inner_of(trial).clone() };
         let demos = &set.ids();
-        let trial = Trial { set: &set, demos, judging: &judging, inner: &inner, ..*trial };
+        let trial =
+            Trial { set: &set, demos, judging: &judging, imitating: Imitating::Updates(&inner), ..*trial };
         let Came { judged, mut state, told } = came(&trial, &Threads);
         let bare = |of: &Suitability| of.curves.iter().all(Vec::is_empty);
         assert!(judged.adapted.is_empty() && told.is_empty());
@@ -247,9 +252,9 @@ fn of_a_large_set_policies_and_curves_are_made_for_those_that_are_looked_at_alon
 #[test]
 fn the_effort_of_a_large_set_counts_what_is_repeated_and_looked_at() {
     with_trial(|trial| {
-        let (task, inner) = (trial.playground.specification(), trial.inner);
+        let (task, inner) = (trial.playground.specification(), inner_of(trial));
         let judging = Judging { repeats: 2, most_repeats: 4, ..trial.judging.clone() };
-        let of = |demos| Effort::of(demos, task, &judging, inner, true);
+        let of = |demos| Effort::of(demos, task, &judging, Some(inner), true);
         // Two goals, and a start for each of four repeats; of two thousand two hundred get further repeats.
         assert_eq!(of(10).units, 2 * (10 * 4 + 4));
         assert_eq!(of(2000).units, 2 * (2000 * 2 + 200 * 2 + 4));
@@ -270,8 +275,11 @@ fn a_unit_that_took_long_is_stored_as_soon_as_it_is_finished() {
     let checkpoints = |steps: u64| {
         let (mut state, mut listening) = (JudgingState::default(), Listening::default());
         state.finished.extend((0..100).map(|demo| (unit(demo), outcome(0))));
-        let mut collecting = Collecting::new("", &units, &mut state, &mut listening).expect("nothing fails");
-        (100..103).for_each(|demo| collecting.take(unit(demo), outcome(steps)).expect("nothing fails"));
+        with_trial(|trial| {
+            let mut collecting =
+                Collecting::new(trial, &units, &mut state, &mut listening).expect("nothing fails");
+            (100..103).for_each(|demo| collecting.take(unit(demo), outcome(steps)).expect("nothing fails"));
+        });
         listening.checkpoints.len()
     };
     assert_eq!(checkpoints(85_000), 3);

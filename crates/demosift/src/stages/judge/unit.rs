@@ -2,12 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Judging, Trial, evaluation_seeds, seed_under};
+use super::{Imitating, Judging, Trial, evaluation_seeds, seed_under};
 use crate::basics::error::Result;
 use crate::basics::seed::Seed;
 use crate::data::demonstration::DemoId;
 use crate::data::trajectory::Trajectory;
-use crate::learning::adapt::{self, Course, Learner, UpdateReport};
+use crate::learning::adapt::{self, Course, InnerUpdate, Learner, UpdateReport};
 use crate::learning::gail;
 use crate::math::statistics::mean_or_zero;
 use crate::world::adapted_behaviors;
@@ -15,6 +15,7 @@ use crate::world::environment::EnvVariant;
 use crate::world::heuristic::Score;
 use crate::world::policy::Policy;
 use crate::world::rollout::{self, Playground};
+use crate::world::trainer::Trainer;
 
 /// One piece of judging that depends on no other: a demonstration imitated once under a variant, or, with no demonstration,
 /// what the agent is worth before.
@@ -59,7 +60,7 @@ impl Outcome {
 /// It asks nothing but the trial and the unit, so that any machine can do it at any time, and twice.
 ///
 /// # Errors
-/// Those of adapting and playing, with the unit before them.
+/// Those of adapting or of the trainer, and of playing, with the unit before them.
 pub fn judge_unit(trial: &Trial<'_>, unit: &Unit) -> Result<Outcome> {
     let whole = judged_whole(trial, unit)?;
     Ok(if is_kept_whole(trial.demos.len()) {
@@ -81,11 +82,14 @@ pub fn is_kept_whole(judged: usize) -> bool {
 
 /// A unit with its curve, and with its policy if it is of the first repeat.
 pub(super) fn judged_whole(trial: &Trial<'_>, unit: &Unit) -> Result<Outcome> {
-    let learner = trial.start.learner(trial.set, unit.repeat, trial.seed);
+    let learner = || trial.start.learner(trial.set, unit.repeat, trial.seed);
     let seed = seed_under(trial.seed, trial.playground, unit.variant);
-    let outcome = match unit.demo {
-        Some(demo) => imitated(trial, &learner, demo, unit, &seed),
-        None => before(trial, &learner, unit, &seed),
+    let outcome = match (unit.demo, trial.imitating) {
+        (Some(demo), Imitating::Updates(inner)) => {
+            imitated(trial, Imitator { learner: &learner(), inner }, demo, unit, &seed)
+        }
+        (Some(demo), Imitating::Trainer(trainer)) => trained(trial, trainer, demo, unit, &seed),
+        (None, _) => before(trial, &learner(), unit, &seed),
     };
     outcome.map_err(|error| error.during(&unit.in_words()))
 }
@@ -98,10 +102,25 @@ fn before(trial: &Trial<'_>, learner: &Learner, unit: &Unit, seed: &Seed) -> Res
     Ok(Outcome { scores, distance: 0.0, curve: Vec::new(), policy: None, played })
 }
 
+/// An agent of ours that imitates.
+#[derive(Clone, Copy)]
+struct Imitator<'a> {
+    /// θ with D.
+    learner: &'a Learner,
+    /// How it updates.
+    inner: &'a InnerUpdate,
+}
+
 /// Lines 3 to 11 for one demonstration.
-fn imitated(trial: &Trial<'_>, learner: &Learner, demo: DemoId, unit: &Unit, seed: &Seed) -> Result<Outcome> {
+fn imitated(
+    trial: &Trial<'_>,
+    Imitator { learner, inner }: Imitator<'_>,
+    demo: DemoId,
+    unit: &Unit,
+    seed: &Seed,
+) -> Result<Outcome> {
     let Judging { iterations, averaged, .. } = *trial.judging;
-    let course = Course { inner: trial.inner, iterations, averaged };
+    let course = Course { inner, iterations, averaged };
     let pairs = gail::demonstrated_pairs(trial.set.get(demo), learner.policy.filter());
     let adapting = seed.of("adapt").at(unit.repeat);
     let adapted = adapt::adapt(learner, &[&pairs], trial.playground, unit.variant, &course, &adapting)?;
@@ -114,14 +133,35 @@ fn imitated(trial: &Trial<'_>, learner: &Learner, demo: DemoId, unit: &Unit, see
     Ok(Outcome { scores, distance, curve: adapted.curve, policy, played })
 }
 
+/// The same by somebody else's trainer, which learns from this one demonstration where and how it likes.
+fn trained(
+    trial: &Trial<'_>,
+    trainer: &dyn Trainer,
+    demo: DemoId,
+    unit: &Unit,
+    seed: &Seed,
+) -> Result<Outcome> {
+    let mut apprentice = trainer.train(trial.set, &[demo], &seed.of("train").at(unit.repeat))?;
+    let seeds = seeds_of_evaluation(trial, seed);
+    let played = rollout::play_led(trial.playground, apprentice.as_mut(), unit.variant, &seeds)?;
+    let distance = adapted_behaviors::distance(trial.set.get(demo), &played)?;
+    let scores = score(trial.playground, &played);
+    Ok(Outcome { scores, distance, curve: Vec::new(), policy: None, played: steps_of(&played) })
+}
+
 fn steps_of(played: &[Trajectory]) -> u64 {
     played.iter().map(|played| played.steps() as u64).sum()
 }
 
 /// Line 11: a policy on the M evaluation seeds, which are the same for everybody.
 fn evaluate(trial: &Trial<'_>, policy: &Policy, variant: EnvVariant, seed: &Seed) -> Result<Vec<Trajectory>> {
-    let seeds = evaluation_seeds(seed, trial.judging.episodes(trial.playground.specification().horizon));
+    let seeds = seeds_of_evaluation(trial, seed);
     rollout::play(trial.playground, policy, trial.judging.acting, variant, seeds)
+}
+
+/// Those of the M episodes.
+fn seeds_of_evaluation(trial: &Trial<'_>, seed: &Seed) -> Vec<Seed> {
+    evaluation_seeds(seed, trial.judging.episodes(trial.playground.specification().horizon))
 }
 
 /// K.

@@ -30,28 +30,26 @@ fn values(weights: &Weights) -> Vec<f64> {
 #[test]
 fn algorithm_3_line_6_subtracts_the_baseline_once_and_divides_by_the_spread() {
     // Under the first variant the episodes are 0, 2, 4, 4, −2, −2: mean 1, squared deviations 1, 1, 9, 9, 9, 9.
-    let table = ScoreTable {
-        suitabilities: vec![
-            suitability(0, 0, &[0.0, 2.0], &[4.0, 4.0]),
-            suitability(0, 1, &[0.0, 2.0], &[-2.0, -2.0]),
-            suitability(1, 0, &[5.0, 5.0], &[5.0, 5.0]),
-            suitability(1, 1, &[5.0, 5.0], &[5.0, 5.0]),
-        ],
-    };
+    let table = ScoreTable::new(vec![
+        suitability(0, 0, &[0.0, 2.0], &[4.0, 4.0]),
+        suitability(0, 1, &[0.0, 2.0], &[-2.0, -2.0]),
+        suitability(1, 0, &[5.0, 5.0], &[5.0, 5.0]),
+        suitability(1, 1, &[5.0, 5.0], &[5.0, 5.0]),
+    ]);
     let spread = (38.0_f64 / 6.0).sqrt();
     // The second variant tells nothing, and counts as no difference.
     assert_eq!(deltas(&table, 2), [3.0 / spread / 2.0, -3.0 / spread / 2.0]);
-    let one = ScoreTable { suitabilities: table.suitabilities[..2].to_vec() };
+    let one = ScoreTable::new(table.suitabilities[..2].to_vec());
     assert_eq!(deltas(&one, 2), [3.0 / spread, -3.0 / spread]);
 }
 
 #[test]
 fn algorithm_3_line_6_has_no_unit() {
-    let table = |unit: f64| ScoreTable {
-        suitabilities: vec![
+    let table = |unit: f64| {
+        ScoreTable::new(vec![
             suitability(0, 0, &[0.5 * unit, 1.5 * unit], &[2.0 * unit, 2.25 * unit]),
             suitability(0, 1, &[0.5 * unit, 1.5 * unit], &[0.75 * unit, 0.25 * unit]),
-        ],
+        ])
     };
     let (millimeters, light_years) = (deltas(&table(1e3), 2), deltas(&table(1e-16), 2));
     assert!(millimeters.iter().zip(&light_years).all(|(one, other)| (one - other).abs() < 1e-9));
@@ -66,7 +64,7 @@ fn algorithm_3_line_6_is_bounded_by_the_size_of_the_set() {
                 let after = |demo: usize| if demo == outlier { 1e10 } else { others };
                 let suitabilities =
                     (0..count).map(|demo| suitability(0, demo, &[before; 3], &[after(demo); 3])).collect();
-                let deltas = deltas(&ScoreTable { suitabilities }, count);
+                let deltas = deltas(&ScoreTable::new(suitabilities), count);
                 let bound = (2.0 + 2.0 * count as f64).sqrt();
                 assert!(deltas.iter().all(|delta| delta.abs() <= bound + 1e-9), "{count}: {deltas:?}");
                 assert!(deltas.iter().all(|delta| delta.exp().is_finite()));
