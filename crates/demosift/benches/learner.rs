@@ -327,7 +327,7 @@ fn whole_discriminator_step() {
 /// A fit as an adaptation makes it: 20 steps on 500 pairs of each kind, drawn with replacement.
 fn discriminator_fit(demonstrated: usize) {
     const AGENT: usize = 1200;
-    let fitting = Fitting { learning_rate: 3e-3, steps: 20, batch: 500, entropy: 0.3 };
+    let fitting = Fitting { learning_rate: 3e-3, steps: 20, batch: 500, entropy: 0.3, most_told: 1.0 };
     let start = Discriminator::undecided(&DISCRIMINATOR[1..3], DISCRIMINATOR[0], Seed::new(0));
     let (agent, shown) = (pairs(AGENT, "agent"), pairs(demonstrated, "demonstrated"));
     let times = measure(|| {

@@ -29,7 +29,7 @@ const HORIZON: u64 = 30;
 
 fn small(seed: u64, method: Method) -> Config {
     let quick = Preset::Quick.config();
-    let discriminator = Fitting { learning_rate: 0.01, steps: 20, batch: 100, entropy: 0.3 };
+    let discriminator = Fitting { learning_rate: 0.01, steps: 20, batch: 100, entropy: 0.3, most_told: 1.0 };
     let fitting = PosteriorFitting {
         lstm: 12,
         dense: 8,

@@ -55,7 +55,7 @@ fn by_round(measured: &'static str, seed: u64, paid: Option<Paid>) -> Vec<f64> {
     let demonstrations = (0..6).map(|i| driven(0.25 * i as f32, Seed::new(seed).at(i))).collect();
     let set = DemonstrationSet::new(demonstrations).unwrap();
     let quick = Preset::Quick.config();
-    let discriminator = Fitting { learning_rate: 0.01, steps: 20, batch: 100, entropy: 0.3 };
+    let discriminator = Fitting { learning_rate: 0.01, steps: 20, batch: 100, entropy: 0.3, most_told: 1.0 };
     let inner = InnerUpdate { batch_steps: 600, discriminator, ..quick.inner };
     let training = MetaTraining { rounds: 15, discriminator_hidden: vec![32, 32], ..quick.meta_train };
     let fitting =

@@ -33,7 +33,7 @@ use crate::fixtures::Killed;
 fn small(seed: u64) -> Config {
     let quick = Preset::Quick.config();
     let fitting =
-        demosift::learning::gail::Fitting { learning_rate: 0.01, steps: 20, batch: 100, entropy: 0.3 };
+        demosift::learning::gail::Fitting { learning_rate: 0.01, steps: 20, batch: 100, entropy: 0.3, most_told: 1.0 };
     Config {
         seed,
         method: Method::Maml,

@@ -181,11 +181,7 @@ fn adapted_prefix(variant: EnvVariant, demo: DemoId) -> String {
 impl Artifact for Learner {
     fn store(&self, ledger: &mut dyn Ledger, _: &str) -> Result<()> {
         let mut tensors = policy_tensors(POLICY, &self.policy);
-        tensors.extend(network_tensors(
-            "discriminator",
-            self.discriminator.network(),
-            self.discriminator.parameters(),
-        ));
+        tensors.extend(discriminator_tensors(&self.discriminator));
         ledger.store(PRIOR, &write_tensors(&tensors))
     }
 
@@ -202,12 +198,13 @@ impl Artifact for Learner {
                 found.0, found.1, wanted.0, wanted.1
             )));
         }
-        let discriminator = Discriminator::from_parts(network, parameters);
+        let discriminator = Discriminator::from_parts(network, parameters).with_noise(tensors.noise()?);
         Ok(Some(Self { policy, discriminator }))
     }
 }
 
 const PRIOR: &str = "prior.safetensors";
+const NOISE: &str = "discriminator.noise";
 
 /// Under which prefix a file of one policy holds its tensors.
 const POLICY: &str = "policy";
@@ -360,6 +357,12 @@ fn network_tensors(prefix: &str, network: &Mlp, parameters: &[f32]) -> Vec<Tenso
         .collect()
 }
 
+fn discriminator_tensors(discriminator: &Discriminator) -> Vec<Tensor> {
+    let mut tensors = network_tensors("discriminator", discriminator.network(), discriminator.parameters());
+    tensors.push(Tensor { name: NOISE.to_owned(), shape: vec![1], values: vec![discriminator.noise()] });
+    tensors
+}
+
 fn write_tensors(tensors: &[Tensor]) -> Vec<u8> {
     let bytes: Vec<Vec<u8>> = tensors
         .iter()
@@ -460,6 +463,14 @@ impl<'a> Tensors<'a> {
     /// Whether a network stands under these names.
     fn holds(&self, prefix: &str) -> bool {
         self.tensors.tensor(&format!("{prefix}.0.weight")).is_ok()
+    }
+
+    /// That with which the discriminator learned; it learned with none where the file does not say.
+    fn noise(&self) -> Result<f32> {
+        match self.tensors.tensor(NOISE) {
+            Err(_) => Ok(0.0),
+            Ok(_) => Ok(self.values(NOISE)?.1.first().copied().unwrap_or(0.0)),
+        }
     }
 
     fn network(&self, prefix: &str) -> Result<(Mlp, Vec<f32>)> {

@@ -9,7 +9,7 @@ fn learner() -> Learner {
     let shape = PolicyShape { hidden: vec![5, 4], initial_std: 0.37 };
     Learner {
         policy: Policy::untrained(&shape, filter, 2, Seed::new(1)),
-        discriminator: Discriminator::undecided(&[6], 5, Seed::new(2)),
+        discriminator: Discriminator::undecided(&[6], 5, Seed::new(2)).with_noise(0.3),
     }
 }
 
@@ -26,7 +26,7 @@ fn recalled(bytes: &[u8]) -> Result<Option<Learner>> {
 fn written(change: impl FnOnce(&mut Vec<Tensor>)) -> Vec<u8> {
     let Learner { policy, discriminator } = learner();
     let mut tensors = policy_tensors(POLICY, &policy);
-    tensors.extend(network_tensors("discriminator", discriminator.network(), discriminator.parameters()));
+    tensors.extend(discriminator_tensors(&discriminator));
     change(&mut tensors);
     write_tensors(&tensors)
 }

@@ -255,7 +255,7 @@ fn inner() -> InnerUpdate {
         batch_steps: 60,
         alphas: vec![1.0],
         trust_region: TrustRegion::default(),
-        discriminator: Fitting { learning_rate: 0.01, steps: 2, batch: 20, entropy: 0.1 },
+        discriminator: Fitting { learning_rate: 0.01, steps: 2, batch: 20, entropy: 0.1, most_told: 1.0 },
         advantage: AdvantageEstimation::default(),
         cloning: Cloning { descent, learning_rate: 0.1, steps: 1, batch: 10, curve_episodes: 0 },
     }

@@ -197,6 +197,7 @@ impl Numbers {
         let rate = discriminator.learning_rate;
         self.number(&format!("{name}.discriminator.learning_rate"), rate, Wanted::Positive);
         self.number(&format!("{name}.discriminator.entropy"), discriminator.entropy, Wanted::NotNegative);
+        self.number(&format!("{name}.discriminator.most_told"), discriminator.most_told, Wanted::Share);
         self.advantage(&format!("{name}.advantage"), advantage);
         self.cloning(&format!("{name}.cloning"), cloning);
     }

@@ -35,10 +35,12 @@ impl Fingerprint {
     }
 }
 
-/// Values that there were not always: up to which size of a set nothing is spared, and whose bits are computed.
+/// Values that there were not always: up to which size of a set nothing is spared, whose bits are computed, and how much a
+/// discriminator may tell.
 const FULL_EFFORT: &str = "full_effort_up_to";
 const NEAR: &str = "near_cut";
 const PORTABLE: &str = "portable";
+const MOST_TOLD: &str = "most_told";
 /// No study asks somebody else's trainer to judge.
 const TRAINER_JUDGE: &str = "trainer_judge";
 
@@ -49,6 +51,11 @@ pub fn hash_of_entering(work: &Work, config: &Config) -> String {
         fields.retain(|key, _| enters(work, config.judges, key));
         if let Some(Value::Object(update)) = fields.get_mut("imitate").and_then(|of| of.get_mut("update")) {
             update.remove("imitation");
+            if let Some(Value::Object(discriminator)) = update.get_mut("discriminator")
+                && discriminator.get(MOST_TOLD) == Some(&Value::from(1.0))
+            {
+                discriminator.remove(MOST_TOLD);
+            }
         }
         // Cells of before these values were there are still right, as they change nothing of them.
         if fields.get(NEAR) == Some(&Value::from(NEAR_CUT)) {

@@ -78,6 +78,7 @@ pub(super) fn meta_update_discriminator(
         .collect();
     let mut gradient = vec![0.0; state.prior.discriminator.parameters().len()];
     let total = total_weight(outcomes) as f32;
+    let noise = outcomes.iter().map(|of| of.weight as f32 * of.adapted.discriminator.noise()).sum::<f32>() / total;
     for (part, outcome) in gradients.iter().zip(outcomes) {
         let weight = outcome.weight as f32;
         gradient.iter_mut().zip(part).for_each(|(sum, value)| *sum += value * weight / total);
@@ -87,6 +88,6 @@ pub(super) fn meta_update_discriminator(
     }
     let mut parameters = state.prior.discriminator.parameters().to_vec();
     state.discriminator_adam.descend(training.discriminator_learning_rate as f32, &gradient, &mut parameters);
-    state.prior.discriminator = state.prior.discriminator.with_parameters(parameters);
+    state.prior.discriminator = state.prior.discriminator.with_parameters(parameters).with_noise(noise);
     Ok(())
 }
