@@ -45,7 +45,7 @@ impl Preset {
             portable: false,
             near_cut: NEAR_CUT,
             policy: PolicyShape { hidden: vec![32, 32], initial_std: 0.5 },
-            inner: InnerUpdate { alphas: self.alphas(), ..update(20, 0.15, MOST_TOLD) },
+            inner: InnerUpdate { alphas: self.alphas(), ..update(20, 0.15) },
             meta_train: MetaTraining {
                 rounds: self.by(10, 10, 2000),
                 meta_batch: 10,
@@ -121,7 +121,7 @@ impl Preset {
                         batch: 100,
                         curve_episodes: 0,
                     },
-                    ..update(10, 0.03, 1.0)
+                    ..update(10, 0.03)
                 },
                 discriminator_hidden: vec![100, 100],
                 evaluate_every: 10,
@@ -161,17 +161,13 @@ impl Preset {
     }
 }
 
-/// Up to which share of the pairs the discriminators of the judge of the paper may tell right: those of HalfCheetah tell about so
-/// many by themselves, and there it ranks well (docs/results/method.md).
-const MOST_TOLD: f64 = 0.9;
-
-fn update(discriminator_steps: usize, max_kl: f64, most_told: f64) -> InnerUpdate {
+fn update(discriminator_steps: usize, max_kl: f64) -> InnerUpdate {
     InnerUpdate {
         imitation: Rule::Gail,
         batch_steps: 2000,
         alphas: vec![1.0],
         trust_region: TrustRegion { max_kl, ..TrustRegion::default() },
-        discriminator: Fitting { learning_rate: 3e-3, steps: discriminator_steps, batch: 500, entropy: 0.3, most_told },
+        discriminator: Fitting { learning_rate: 3e-3, steps: discriminator_steps, batch: 500, entropy: 0.3, most_told: 1.0 },
         advantage: AdvantageEstimation::default(),
         cloning: Cloning {
             descent: Descent::Gradient,

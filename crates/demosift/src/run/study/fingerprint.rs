@@ -35,12 +35,8 @@ impl Fingerprint {
     }
 }
 
-/// Values that there were not always: up to which size of a set nothing is spared, whose bits are computed, and how much a
-/// discriminator may tell.
-const FULL_EFFORT: &str = "full_effort_up_to";
 const NEAR: &str = "near_cut";
 const PORTABLE: &str = "portable";
-const MOST_TOLD: &str = "most_told";
 /// No study asks somebody else's trainer to judge.
 const TRAINER_JUDGE: &str = "trainer_judge";
 
@@ -49,28 +45,31 @@ pub fn hash_of_entering(work: &Work, config: &Config) -> String {
     let mut values = serde_json::to_value(config).expect("a configuration is plain data");
     if let Value::Object(fields) = &mut values {
         fields.retain(|key, _| enters(work, config.judges, key));
-        if let Some(Value::Object(update)) = fields.get_mut("imitate").and_then(|of| of.get_mut("update")) {
-            update.remove("imitation");
-            if let Some(Value::Object(discriminator)) = update.get_mut("discriminator")
-                && discriminator.get(MOST_TOLD) == Some(&Value::from(1.0))
-            {
-                discriminator.remove(MOST_TOLD);
-            }
-        }
-        // Cells of before these values were there are still right, as they change nothing of them.
-        if fields.get(NEAR) == Some(&Value::from(NEAR_CUT)) {
-            fields.remove(NEAR);
-        }
-        if fields.get(PORTABLE) == Some(&Value::from(false)) {
-            fields.remove(PORTABLE);
-        }
-        if let Some(Value::Object(judge)) = fields.get_mut("cloning_judge")
-            && judge.get(FULL_EFFORT) == Some(&Value::from(FULL_EFFORT_UP_TO))
-        {
-            judge.remove(FULL_EFFORT);
-        }
+    }
+    take_out(&mut values, "/imitate/update", "imitation", |_| true);
+    for (table, key, before) in values_before_they_were_there() {
+        take_out(&mut values, table, key, |value| *value == before);
     }
     files::sha256_of(values.to_string().as_bytes())
+}
+
+/// Values that there were not always, by their table and name: cells of before are still right where they change nothing of them.
+fn values_before_they_were_there() -> [(&'static str, &'static str, Value); 5] {
+    [
+        ("", NEAR, Value::from(NEAR_CUT)),
+        ("", PORTABLE, Value::from(false)),
+        ("/cloning_judge", "full_effort_up_to", Value::from(FULL_EFFORT_UP_TO)),
+        ("/inner/discriminator", "most_told", Value::from(1.0)),
+        ("/imitate/update/discriminator", "most_told", Value::from(1.0)),
+    ]
+}
+
+fn take_out(values: &mut Value, table: &str, key: &str, is_meant: impl Fn(&Value) -> bool) {
+    if let Some(Value::Object(table)) = values.pointer_mut(table)
+        && table.get(key).is_some_and(is_meant)
+    {
+        table.remove(key);
+    }
 }
 
 /// Whether some part of the configuration can change what a cell finds; `keep` does, as repeats race for its cut.
