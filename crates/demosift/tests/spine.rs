@@ -32,8 +32,13 @@ use crate::fixtures::Killed;
 /// Small enough for a test, large enough to rank.
 fn small(seed: u64) -> Config {
     let quick = Preset::Quick.config();
-    let fitting =
-        demosift::learning::gail::Fitting { learning_rate: 0.01, steps: 20, batch: 100, entropy: 0.3, most_told: 1.0 };
+    let fitting = demosift::learning::gail::Fitting {
+        learning_rate: 0.01,
+        steps: 20,
+        batch: 100,
+        entropy: 0.3,
+        most_told: 1.0,
+    };
     Config {
         seed,
         method: Method::Maml,

@@ -462,7 +462,8 @@ mod tests {
     }
 
     fn inner() -> InnerUpdate {
-        let discriminator = Fitting { learning_rate: 0.01, steps: 20, batch: 200, entropy: 0.3, most_told: 1.0 };
+        let discriminator =
+            Fitting { learning_rate: 0.01, steps: 20, batch: 200, entropy: 0.3, most_told: 1.0 };
         InnerUpdate { batch_steps: 300, discriminator, ..Preset::Quick.config().inner }
     }
 

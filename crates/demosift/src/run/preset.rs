@@ -167,7 +167,13 @@ fn update(discriminator_steps: usize, max_kl: f64) -> InnerUpdate {
         batch_steps: 2000,
         alphas: vec![1.0],
         trust_region: TrustRegion { max_kl, ..TrustRegion::default() },
-        discriminator: Fitting { learning_rate: 3e-3, steps: discriminator_steps, batch: 500, entropy: 0.3, most_told: 1.0 },
+        discriminator: Fitting {
+            learning_rate: 3e-3,
+            steps: discriminator_steps,
+            batch: 500,
+            entropy: 0.3,
+            most_told: 1.0,
+        },
         advantage: AdvantageEstimation::default(),
         cloning: Cloning {
             descent: Descent::Gradient,

@@ -21,7 +21,8 @@ impl Names {
         let known: Vec<Vec<&str>> = known.iter().map(|name| parts(name).collect()).collect();
         let mut rest = self.0.as_slice();
         while let [first, ..] = rest {
-            let begins = known.iter().filter(|name| rest.len() >= name.len() && rest[..name.len()] == name[..]);
+            let begins =
+                known.iter().filter(|name| rest.len() >= name.len() && rest[..name.len()] == name[..]);
             let Some(longest) = begins.map(Vec::len).max() else { return Some(first) };
             rest = &rest[longest..];
         }

@@ -326,10 +326,7 @@ fn choices_are_written_as_they_are_read() {
 #[test]
 fn a_part_of_a_study_has_what_it_needs_and_no_more() {
     let (study, finished) = (study(), finished());
-    let only = |methods: &[&str]| Only {
-        sets: None,
-        methods: Some(Names::typed(&methods.join(","))),
-    };
+    let only = |methods: &[&str]| Only { sets: None, methods: Some(Names::typed(&methods.join(","))) };
     let count = |methods: &[&str], finished: &Finished| study.work_only(&only(methods), finished).len();
     let nothing = Finished::default();
     assert_eq!(count(&["both"], &nothing), 6, "a combination needs its parts");

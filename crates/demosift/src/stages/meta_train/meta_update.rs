@@ -78,7 +78,8 @@ pub(super) fn meta_update_discriminator(
         .collect();
     let mut gradient = vec![0.0; state.prior.discriminator.parameters().len()];
     let total = total_weight(outcomes) as f32;
-    let noise = outcomes.iter().map(|of| of.weight as f32 * of.adapted.discriminator.noise()).sum::<f32>() / total;
+    let noise =
+        outcomes.iter().map(|of| of.weight as f32 * of.adapted.discriminator.noise()).sum::<f32>() / total;
     for (part, outcome) in gradients.iter().zip(outcomes) {
         let weight = outcome.weight as f32;
         gradient.iter_mut().zip(part).for_each(|(sum, value)| *sum += value * weight / total);
