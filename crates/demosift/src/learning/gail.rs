@@ -13,6 +13,7 @@
 //! Where we differ: the algorithm boxes ascend E_τ[log D] + E_v[log(1−D)] and Eq. 3, read literally, descends it.
 //! We label the agent 1 and the demonstration 0 and minimize the binary cross-entropy, after which −log D is high
 //! where a pair looks demonstrated, as the reward needs.
+//! Noise on the pairs can keep D from knowing a single demonstration by heart ([`Discriminator::noise`]).
 
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
@@ -131,7 +132,7 @@ impl Discriminator {
     /// Standard deviation of the noise on the pairs from which it learns, in units of the filter and of the action range.
     ///
     /// A demonstration is a few dozen points, which D soon knows by heart, and then its reward is flat. Noise makes a cloud of
-    /// each point (instance noise; Sønderby et al. 2017, §3.2). How wide a cloud must be differs from robot to robot, so the
+    /// each point (instance noise; Sønderby et al. 2017). How wide a cloud must be differs from robot to robot, so the
     /// noise follows from what D tells ([`Fitting::most_told`]) and stays with it from one fit to the next.
     pub fn noise(&self) -> f32 {
         self.noise

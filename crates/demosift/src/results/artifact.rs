@@ -467,9 +467,15 @@ impl<'a> Tensors<'a> {
 
     /// That with which the discriminator learned; it learned with none where the file does not say.
     fn noise(&self) -> Result<f32> {
-        match self.tensors.tensor(NOISE) {
-            Err(_) => Ok(0.0),
-            Ok(_) => Ok(self.values(NOISE)?.1.first().copied().unwrap_or(0.0)),
+        if self.tensors.tensor(NOISE).is_err() {
+            return Ok(0.0);
+        }
+        match self.values(NOISE)?.1.as_slice() {
+            [noise] if (0.0..=1.0).contains(noise) => Ok(*noise),
+            _ => Err(Error::bad_input(format!(
+                "{}: tensor '{NOISE}' must hold one number from 0 to 1",
+                self.name
+            ))),
         }
     }
 

@@ -130,6 +130,12 @@ fn a_policy_without_a_checksum_can_still_be_played() {
 }
 
 #[test]
+fn the_discriminator_of_a_prior_without_noise_had_none() {
+    let before = written(|tensors| tensors.retain(|tensor| tensor.name != NOISE));
+    assert_eq!(recalled(&before).expect("readable").expect("kept").discriminator.noise(), 0.0);
+}
+
+#[test]
 fn tensors_that_do_not_fit_are_told_by_name() {
     let complaint = |change: fn(&mut Vec<Tensor>)| {
         let error = recalled(&written(change)).expect_err("does not fit");
@@ -147,6 +153,11 @@ fn tensors_that_do_not_fit_are_told_by_name() {
     assert!(short.contains("'policy.log_std' has 1 numbers, and must have 2"), "{short}");
     let broken = complaint(|tensors| tensors[0].values[3] = f32::NAN);
     assert!(broken.contains("'policy.0.weight' holds NaN"), "{broken}");
+    let loud = complaint(|tensors| {
+        let noise = tensors.iter_mut().find(|tensor| tensor.name == NOISE).expect("written");
+        noise.values = vec![1.5];
+    });
+    assert!(loud.contains("'discriminator.noise' must hold one number from 0 to 1"), "{loud}");
     let unfit = complaint(|tensors| {
         tensors.retain(|tensor| !tensor.name.starts_with("discriminator"));
         let other = Discriminator::undecided(&[6], 9, Seed::new(2));
