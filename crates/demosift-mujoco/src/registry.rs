@@ -18,15 +18,18 @@ struct BuiltIn {
     shaping: Option<MakeShaping>,
 }
 
+/// A thrower, its ball and the hoop, whatever of it is observed.
+const FREE_THROW: &[(&str, &str)] = &[
+    ("free_throw.xml", include_str!("../tasks/free_throw/free_throw.xml")),
+    ("court.xml", include_str!("../tasks/free_throw/court.xml")),
+    ("thrower.xml", include_str!("../tasks/free_throw/thrower.xml")),
+];
+
 const BUILT_IN: &[BuiltIn] = &[
     BuiltIn {
         name: "free_throw",
         task_file: include_str!("../tasks/free_throw/task.toml"),
-        models: &[
-            ("free_throw.xml", include_str!("../tasks/free_throw/free_throw.xml")),
-            ("court.xml", include_str!("../tasks/free_throw/court.xml")),
-            ("thrower.xml", include_str!("../tasks/free_throw/thrower.xml")),
-        ],
+        models: FREE_THROW,
         shaping: Some(tasks::free_throw::shaping),
     },
     BuiltIn {
@@ -42,11 +45,7 @@ const BUILT_IN: &[BuiltIn] = &[
     BuiltIn {
         name: "free_throw_without_ball",
         task_file: include_str!("../tasks/free_throw/without_ball.toml"),
-        models: &[
-            ("free_throw.xml", include_str!("../tasks/free_throw/free_throw.xml")),
-            ("court.xml", include_str!("../tasks/free_throw/court.xml")),
-            ("thrower.xml", include_str!("../tasks/free_throw/thrower.xml")),
-        ],
+        models: FREE_THROW,
         shaping: Some(tasks::free_throw::shaping),
     },
     BuiltIn {

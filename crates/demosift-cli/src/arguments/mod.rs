@@ -26,7 +26,7 @@ pub(crate) use part::{PartArgument, RefereeArguments};
 pub(crate) use play::{PictureArguments, PlayArguments};
 pub(crate) use reproduce::ReproduceArguments;
 pub(crate) use simulator::SimulatorArguments;
-pub(crate) use study::StudyArguments;
+pub(crate) use study::{OnlyThese, StudyArguments};
 pub(crate) use trainer::TrainerArguments;
 
 /// Which demonstrations should your agent learn from? Finds out by imitating each one.

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use clap::Args;
 use demosift::basics::part::Part;
-use demosift::run::study::{Names, Only};
 
 #[derive(Debug, Args)]
 pub(crate) struct StudyArguments {
@@ -60,16 +59,19 @@ impl CellArguments {
     }
 }
 
-/// Names of sets and methods.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct OnlyThese(pub(crate) Only);
+/// Names of sets and methods, as they are typed; which names there are, the study says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct OnlyThese {
+    pub(crate) sets: Option<String>,
+    pub(crate) methods: Option<String>,
+}
 
 impl std::str::FromStr for OnlyThese {
     type Err = String;
 
     fn from_str(typed: &str) -> Result<Self, String> {
-        let names = |list: &str| (!list.trim().is_empty()).then(|| Names::typed(list));
+        let list = |list: &str| (!list.trim().is_empty()).then(|| list.to_owned());
         let (sets, methods) = typed.split_once('/').unwrap_or((typed, ""));
-        Ok(Self(Only { sets: names(sets), methods: names(methods) }))
+        Ok(Self { sets: list(sets), methods: list(methods) })
     }
 }

@@ -77,7 +77,7 @@ fn one(
     if arguments.seeds == Some(0) {
         return Err(Error::bad_config("--seeds 0: must be at least 1"));
     }
-    let only = arguments.only.as_ref().map_or(Only::default(), |only| only.0.clone());
+    let only = arguments.only.clone().unwrap_or_default();
     let opened = study_file::open(&Asked {
         source,
         public: arguments.data.as_deref(),
@@ -85,8 +85,7 @@ fn one(
         preset: arguments.preset.map(PresetName::name),
         seeds: arguments.seeds,
     })?;
-    let only = Only { sets: None, ..only };
-    opened.study.check_only(&only)?;
+    let only = &opened.only;
     if opened.study.drawn.is_nothing() {
         return Err(Error::bad_input(
             "this study draws nothing and claims nothing, so there is nothing to reproduce",
@@ -99,12 +98,12 @@ fn one(
     let mut studied = Studied::look(&opened, &out, arguments.cells.from.as_deref())?;
     if arguments.dry_run {
         studied.gather()?;
-        forecast(&studied, &only, arguments, counted);
+        forecast(&studied, only, arguments, counted);
         return Ok(None);
     }
     if !arguments.table {
         studied.folder.begin(arguments.cells.part)?;
-        studied.make(&only, arguments.cells.part, threads)?;
+        studied.make(only, arguments.cells.part, threads)?;
     }
     studied.gather()?;
     let results = studied.results()?;

@@ -23,7 +23,7 @@ pub(crate) fn run(arguments: &StudyArguments) -> Result<()> {
         return show_results(arguments);
     }
     let threads = threads(arguments.cells.threads)?;
-    let only = arguments.only.as_ref().map_or(Only::default(), |only| only.0.clone());
+    let only = arguments.only.clone().unwrap_or_default();
     let opened = study_file::open(&Asked {
         source: Source::At(&arguments.study),
         public: arguments.data.as_deref(),
@@ -31,19 +31,17 @@ pub(crate) fn run(arguments: &StudyArguments) -> Result<()> {
         preset: None,
         seeds: None,
     })?;
-    // The study is about the sets that are asked for and there.
-    let only = Only { sets: None, ..only };
-    opened.study.check_only(&only).map_err(|error| error.at(&arguments.study))?;
+    let only = &opened.only;
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("runs").join(&opened.study.name));
     let mut studied = Studied::look(&opened, &out, arguments.cells.from.as_deref())?;
     if arguments.dry_run {
         studied.gather()?;
-        forecast(&studied, &only, arguments);
+        forecast(&studied, only, arguments);
         return Ok(());
     }
     if !arguments.table {
         studied.folder.begin(arguments.cells.part)?;
-        studied.make(&only, arguments.cells.part, threads)?;
+        studied.make(only, arguments.cells.part, threads)?;
     }
     studied.gather()?;
     let Results { compact, bytes } = studied.results()?;

@@ -51,9 +51,10 @@ mod tests {
     use std::collections::BTreeMap;
     use std::path::Path;
 
-    use demosift::run::study::{Finished, Only, Study};
+    use demosift::run::study::{Finished, Study};
 
     use super::*;
+    use crate::arguments::OnlyThese;
     use crate::study::study_file::{self, Asked, Source};
     use crate::study::study_folder;
 
@@ -69,7 +70,7 @@ mod tests {
             let mut shared = 0;
             for experiment in EXPERIMENTS {
                 let source = Source::BuiltIn { name: experiment.name, text: experiment.text, sets: &data() };
-                let only = Only::default();
+                let only = OnlyThese::default();
                 let asked = Asked { source, public: None, only: &only, preset: Some(preset), seeds: Some(1) };
                 let opened = study_file::open(&asked).unwrap();
                 let set = |name: &str| {
@@ -93,7 +94,7 @@ mod tests {
     fn every_experiment_says_what_it_draws_and_decides() {
         for Experiment { name, text } in EXPERIMENTS {
             let source = Source::BuiltIn { name, text, sets: &data() };
-            let only = Only::default();
+            let only = OnlyThese::default();
             let asked = Asked { source, public: None, only: &only, preset: None, seeds: None };
             let drawn = study_file::open(&asked).unwrap().study.drawn;
             assert!(drawn.title.is_some() && drawn.paper.is_some(), "{name}");

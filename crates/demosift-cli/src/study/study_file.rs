@@ -13,7 +13,8 @@ use demosift::results::recording::Origin;
 use demosift::run::experiment::{self, Config};
 use demosift::run::preset::Preset;
 use demosift::run::study::{
-    Claim, Combination, Drawn, Figure, Judge, Known, Pool, Refereed, Regret, Seeds, Set, Study, TopK, Weights,
+    Claim, Combination, Drawn, Figure, Judge, Known, Only, Pool, Refereed, Regret, Seeds, Set, Study, TopK,
+    Weights, names,
 };
 use demosift::world::rollout::Playground;
 use demosift::{Error, Result};
@@ -35,6 +36,8 @@ pub(crate) struct Opened {
     pub(crate) study: Study,
     /// In the order of the study's sets.
     pub(crate) sets: Vec<OpenedSet>,
+    /// Which part of it is to be done; all sets, as the study has no others.
+    pub(crate) only: Only,
     /// What is to be said of it, such as which sets are not there.
     pub(crate) notes: Vec<String>,
 }
@@ -66,8 +69,9 @@ pub(crate) fn open(asked: &Asked<'_>) -> Result<Opened> {
         },
     };
     let known: Vec<&str> = file.sets.iter().map(|set| set.name.as_str()).collect();
-    let named = |set: &SetEntry| asked.only.is_about(&set.name);
-    if let Some(name) = asked.only.sets.as_ref().and_then(|names| names.unknown(&known)) {
+    let asked_for = asked.only.sets.as_ref().map(|typed| names(typed, &known));
+    let named = |set: &SetEntry| asked_for.as_ref().is_none_or(|wanted| wanted.contains(&set.name));
+    if let Some(name) = asked_for.iter().flatten().find(|name| !known.contains(&name.as_str())) {
         let list = known.join(", ");
         return Err(Error::bad_config(format!("the study has no set '{name}'; it has: {list}")).at(path));
     }
@@ -120,7 +124,10 @@ pub(crate) fn open(asked: &Asked<'_>) -> Result<Opened> {
         return Err(Error::bad_input(format!("nothing is left of the study. {why}")).with_hint(hint));
     }
     study.check().map_err(|error| error.at(path))?;
-    Ok(Opened { study, sets, notes })
+    let methods: Vec<&str> = study.methods.iter().map(|method| method.name.as_str()).collect();
+    let only = Only { sets: None, methods: asked.only.methods.as_ref().map(|typed| names(typed, &methods)) };
+    study.check_only(&only).map_err(|error| error.at(path))?;
+    Ok(Opened { study, sets, only, notes })
 }
 
 /// What is drawn of the sets that are there: what names others alone is left out.

@@ -52,7 +52,7 @@ use crate::world::heuristic::Score;
 pub use choice::{Choice, Kept, TopK};
 pub use drawn::{By, CHANCE, Claim, Curves, Drawn, Draws, Figure, Measure, WHOLE, Weights};
 pub use fingerprint::{Fingerprint, hash_of_entering};
-pub use names::Names;
+pub use names::names;
 pub use parts::{Known, Pool, Seeds, Set};
 pub use plan::{Combination, Judge, Only, Regret, Rule as CombinationRule, Study};
 pub use referee_rates::RefereedSummary;

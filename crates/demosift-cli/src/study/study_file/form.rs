@@ -6,10 +6,12 @@ use demosift::basics::files;
 use demosift::data::demonstration::episode::Format;
 use demosift::learning::adapt::Rule;
 use demosift::run::preset::Preset;
-use demosift::run::study::{Choice, Claim, CombinationRule, Curves, Figure, Only, TopK, Weights};
+use demosift::run::study::{Choice, Claim, CombinationRule, Curves, Figure, TopK, Weights};
 use demosift::{Error, Result};
 use serde::Deserialize;
 use toml::{Table, Value};
+
+use crate::arguments::OnlyThese;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -154,7 +156,7 @@ pub(crate) struct Asked<'a> {
     pub(crate) source: Source<'a>,
     /// The folder of the public sets.
     pub(crate) public: Option<&'a Path>,
-    pub(crate) only: &'a Only,
+    pub(crate) only: &'a OnlyThese,
     /// In place of that of the file.
     pub(crate) preset: Option<&'a str>,
     /// In place of that of the file.

@@ -1,33 +1,18 @@
 //! Names as they are typed in a list with commas, where a name may hold commas itself.
 
-/// What stands between the commas.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Names(Vec<String>);
-
-impl Names {
-    /// The names of a list such as `MAML, cloning`.
-    pub fn typed(list: &str) -> Self {
-        Self(parts(list).map(str::to_owned).collect())
+/// The names of a list such as `MAML, cloned, oracle`, of which the longest that is known is taken each time; what is not known
+/// stays as it was typed between two commas.
+pub fn names(typed: &str, known: &[&str]) -> Vec<String> {
+    let known: Vec<(&str, Vec<&str>)> = known.iter().map(|name| (*name, parts(name).collect())).collect();
+    let typed: Vec<&str> = parts(typed).collect();
+    let (mut names, mut rest) = (Vec::new(), typed.as_slice());
+    while let [first, ..] = rest {
+        let begin = known.iter().filter(|(_, name)| rest.starts_with(name));
+        let longest = begin.max_by_key(|(_, name)| name.len());
+        names.push(longest.map_or(*first, |(name, _)| name).to_owned());
+        rest = &rest[longest.map_or(1, |(_, name)| name.len())..];
     }
-
-    /// Whether a name stands in the list.
-    pub fn hold(&self, name: &str) -> bool {
-        let name: Vec<&str> = parts(name).collect();
-        self.0.windows(name.len()).any(|typed| typed == name)
-    }
-
-    /// The first of what was typed that is no name, nor part of one that was typed as a whole.
-    pub fn unknown(&self, known: &[&str]) -> Option<&str> {
-        let known: Vec<Vec<&str>> = known.iter().map(|name| parts(name).collect()).collect();
-        let mut rest = self.0.as_slice();
-        while let [first, ..] = rest {
-            let begins =
-                known.iter().filter(|name| rest.len() >= name.len() && rest[..name.len()] == name[..]);
-            let Some(longest) = begins.map(Vec::len).max() else { return Some(first) };
-            rest = &rest[longest..];
-        }
-        None
-    }
+    names
 }
 
 fn parts(list: &str) -> impl Iterator<Item = &str> {
@@ -38,19 +23,17 @@ fn parts(list: &str) -> impl Iterator<Item = &str> {
 mod tests {
     use super::*;
 
-    const KNOWN: [&str; 4] = ["MAML", "MAML, cloned", "cloning", "oracle"];
-
     #[test]
-    fn a_name_may_hold_a_comma() {
-        let names = Names::typed("MAML, cloned,oracle");
-        assert!(names.hold("MAML, cloned") && names.hold("oracle") && !names.hold("cloning"));
-        assert_eq!(names.unknown(&KNOWN), None);
-    }
-
-    #[test]
-    fn what_is_no_name_is_found() {
-        for (typed, unknown) in [("cloned", "cloned"), ("MAML,oracel", "oracel"), ("cloning,", "")] {
-            assert_eq!(Names::typed(typed).unknown(&KNOWN), Some(unknown), "{typed}");
+    fn a_name_may_hold_a_comma_and_begin_like_another() {
+        let known = ["MAML", "MAML, cloned", "cloning"];
+        for (typed, wanted) in [
+            ("MAML, cloned,oracle", vec!["MAML, cloned", "oracle"]),
+            ("MAML,cloned", vec!["MAML, cloned"]),
+            ("MAML,cloning", vec!["MAML", "cloning"]),
+            ("MAML,", vec!["MAML", ""]),
+            ("cloned", vec!["cloned"]),
+        ] {
+            assert_eq!(names(typed, &known), wanted, "{typed}");
         }
     }
 }

@@ -5,7 +5,6 @@ use serde::{Deserialize, Serialize};
 use super::choice::{Choice, TopK};
 use super::drawn::Drawn;
 use super::file_name;
-use super::names::Names;
 use super::parts::{Known, Pool, Seeds, Set};
 use super::refereed::Refereed;
 use crate::basics::error::{Error, Result};
@@ -92,9 +91,9 @@ pub struct Regret {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Only {
     /// Names of sets.
-    pub sets: Option<Names>,
+    pub sets: Option<Vec<String>>,
     /// Names of methods, and [`Only::ORACLE`], [`Only::REGRET`], [`Only::POOLS`], [`Only::WEIGHTS`] and [`Only::CURVES`].
-    pub methods: Option<Names>,
+    pub methods: Option<Vec<String>>,
 }
 
 impl Only {
@@ -112,12 +111,12 @@ impl Only {
 
     /// Whether a method or a kind of trainings is to be done.
     pub(super) fn names(&self, name: &str) -> bool {
-        self.methods.as_ref().is_none_or(|named| named.hold(name))
+        self.methods.as_ref().is_none_or(|named| named.iter().any(|other| other == name))
     }
 
     /// Whether a set is to be judged.
-    pub fn is_about(&self, set: &str) -> bool {
-        self.sets.as_ref().is_none_or(|named| named.hold(set))
+    pub(super) fn is_about(&self, set: &str) -> bool {
+        self.sets.as_ref().is_none_or(|named| named.iter().any(|other| other == set))
     }
 }
 
@@ -262,9 +261,9 @@ impl Study {
     /// # Errors
     /// `is_bad_config`; says which there are.
     pub fn check_only(&self, only: &Only) -> Result<()> {
-        check_typed("set", only.sets.as_ref(), self.set_names())?;
+        check_known("set", only.sets.as_deref().unwrap_or_default(), self.set_names())?;
         let known = self.method_names().into_iter().chain(Only::KINDS).collect();
-        check_typed("method", only.methods.as_ref(), known)
+        check_known("method", only.methods.as_deref().unwrap_or_default(), known)
     }
 
     /// Whether judging by a method is to be done: it is named, or what is named is made of it or keeps by it.
@@ -306,13 +305,6 @@ fn check_names<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Result<(
 
 fn check_known(what: &str, named: &[String], known: Vec<&str>) -> Result<()> {
     match named.iter().find(|name| !known.contains(&name.as_str())) {
-        Some(name) => Err(unknown(what, name, known)),
-        None => Ok(()),
-    }
-}
-
-fn check_typed(what: &str, typed: Option<&Names>, known: Vec<&str>) -> Result<()> {
-    match typed.and_then(|typed| typed.unknown(&known)) {
         Some(name) => Err(unknown(what, name, known)),
         None => Ok(()),
     }

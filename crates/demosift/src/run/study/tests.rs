@@ -326,7 +326,10 @@ fn choices_are_written_as_they_are_read() {
 #[test]
 fn a_part_of_a_study_has_what_it_needs_and_no_more() {
     let (study, finished) = (study(), finished());
-    let only = |methods: &[&str]| Only { sets: None, methods: Some(Names::typed(&methods.join(","))) };
+    let only = |methods: &[&str]| Only {
+        sets: None,
+        methods: Some(methods.iter().map(|&name| name.to_owned()).collect()),
+    };
     let count = |methods: &[&str], finished: &Finished| study.work_only(&only(methods), finished).len();
     let nothing = Finished::default();
     assert_eq!(count(&["both"], &nothing), 6, "a combination needs its parts");
@@ -335,7 +338,7 @@ fn a_part_of_a_study_has_what_it_needs_and_no_more() {
     // and its first two {2, 3}, {1, 3} and {0, 2}.
     assert_eq!(count(&["paper", "regret"], &finished), 3 + 2 * (2 + 3));
     assert_eq!(study.most_unknown_trainings(&only(&["paper", "regret"]), &nothing), 2 * 4 * 2);
-    let elsewhere = Only { sets: Some(Names::typed("five")), methods: None };
+    let elsewhere = Only { sets: Some(vec!["five".to_owned()]), methods: None };
     assert_eq!(study.work_only(&elsewhere, &nothing), []);
     for (only, wanted) in [
         (only(&["papier"]), "no method 'papier'; it has: paper, cloning, both, oracle, regret, pools"),
@@ -388,7 +391,7 @@ fn the_referee_draws_from_pools_again() {
         first: 0,
     });
     study.check().expect("fits");
-    let only = Only { methods: Some(Names::typed(Only::POOLS)), ..Only::default() };
+    let only = Only { methods: Some(vec![Only::POOLS.to_owned()]), ..Only::default() };
     // Four trainings on the whole set, on the kept and on random pairs, which are the control of both.
     let work = study.work_only(&only, &Finished::default());
     let mut finished = Finished::default();

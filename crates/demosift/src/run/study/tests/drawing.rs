@@ -126,7 +126,10 @@ fn what_is_kept_with_a_seed_is_learned_with_that_seed() {
     assert_eq!(of(&whole, trains), 50, "what weights keep is the top 2, which is trained once");
     assert_eq!(study.most_unknown_trainings(&only, &drawn_cells(10)), 10);
 
-    let named = |names: &[&str]| Only { methods: Some(Names::typed(&names.join(","))), ..Only::default() };
+    let named = |names: &[&str]| Only {
+        methods: Some(names.iter().map(|&name| name.to_owned()).collect()),
+        ..Only::default()
+    };
     assert_eq!(study.work_only(&named(&["paper", "weights"]), &Finished::default()).len(), 20);
     assert_eq!(study.work_only(&named(&["cloning", "curves"]), &drawn_cells(10)).len(), 10 + 10 + 20);
 }
