@@ -132,6 +132,37 @@ fn a_run_remembers_the_environment_of_robosuite() {
 }
 
 #[test]
+fn a_demonstration_of_robosuite_is_seen_from_the_camera_of_its_set() {
+    let Some(python) = crate::python::interpreter_with_stand_in() else { return };
+    let scratch = Scratch::new("robosuite-pictures");
+    let episodes = recorded(&python, "Push");
+    let mut named = arguments("Push");
+    named["env_kwargs"]["camera_names"] = json!(["robot0_eye", "frontview"]);
+    // The stand-in paints a camera's number blue, and what is higher up redder.
+    for (arguments, blue) in [(arguments("Push"), 80), (named, 40)] {
+        write(&scratch.0.join("push.hdf5"), &episodes, &arguments);
+        let looked = "--demonstration 1 --frames --sheet --size 240x180 --out seen";
+        let play = format!("play --data push.hdf5 --env from-set --python {} {looked}", python.display());
+        scratch.succeed(&play);
+        let frames = scratch.files("seen/frames/demonstration_1");
+        let (first, last) = (decoded(&frames["step_0000.png"]), decoded(&frames["step_0011.png"]));
+        assert_eq!((frames.len(), first.len()), (12, 240 * 180));
+        assert!(first[0][0] > 250 && first[240 * 179][0] < 5, "{:?} {:?}", first[0], first[240 * 179]);
+        assert_ne!(first[0][1], last[0][1], "the hand has moved");
+        assert!(first.iter().chain(&last).all(|pixel| pixel[2] == blue));
+        std::fs::remove_dir_all(scratch.0.join("seen")).unwrap();
+    }
+}
+
+/// Red, green and blue of each pixel, from the upper left on.
+fn decoded(png: &[u8]) -> Vec<[u8; 3]> {
+    let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+    let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut rgb).unwrap();
+    rgb.as_chunks().0.to_vec()
+}
+
+#[test]
 fn where_a_reset_leaves_something_behind_the_model_is_loaded_anew() {
     let Some(python) = crate::python::interpreter_with_stand_in() else { return };
     let scratch = Scratch::new("robosuite-sticky");

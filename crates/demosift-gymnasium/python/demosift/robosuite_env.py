@@ -1,6 +1,6 @@
 """An environment of robosuite, as a set of robomimic names it, as one of Gymnasium; `worker.py` runs this text as a module.
 
-It observes what the set observes, in the order of its columns, and renders nothing.
+It observes what the set observes, in the order of its columns, and renders only where it is made to be looked at.
 robosuite ignores the seed of a reset by itself, so each reset here gives its generators one of that seed.
 It can also be put into a recorded state, from which recorded actions lead where they led when they were recorded.
 """
@@ -16,10 +16,13 @@ from gymnasium import spaces
 TRIED = 5
 #: What draws at random when an environment is made is the same in every worker.
 MAKING = 0
+#: Columns and rows of the largest picture that robosuite has room for.
+LARGEST = 640, 480
+#: From where robomimic looks.
+CAMERA = "agentview"
 #: What no policy of demosift needs; and the end of an episode is its own matter.
 ALWAYS = {
     "has_renderer": False,
-    "has_offscreen_renderer": False,
     "use_camera_obs": False,
     "use_object_obs": True,
     "ignore_done": True,
@@ -34,9 +37,10 @@ class Columns(spaces.Tuple):
         self.names = names
 
 
-def make(specified, longest, refused):
+def make(specified, longest, pictures, refused):
     """The environment; `longest` is the number of steps of the longest episode of the set, where that is known.
 
+    With `pictures` it can be looked at, which needs a graphics library and takes longer.
     `refused` makes the exception that says why there is none, of a message and a hint.
     """
     try:
@@ -57,14 +61,15 @@ def make(specified, longest, refused):
             f"the set names the environment '{name}', and robosuite {robosuite.__version__} has none of that name; {instead}",
             "an environment that another package adds is made by a function of your own: --env my_env.py:make",
         )
-    return Robosuite(robosuite, specified, longest, refused)
+    return Robosuite(robosuite, specified, longest, pictures, refused)
 
 
 class Robosuite(gymnasium.Env):
     """Observes the columns of a set; acts within the bounds of robosuite's own `action_spec`."""
 
-    def __init__(self, robosuite, specified, longest, refused):
+    def __init__(self, robosuite, specified, longest, pictures, refused):
         self.robosuite, self.specified, self.refused = robosuite, specified, refused
+        self.render_mode = "rgb_array" if pictures else None
         self.columns = [
             (one["key"] if one["part"] is None else f"{one['key']}[{one['part'][0]}:{one['part'][1] or ''}]", one)
             for one in specified["observed"]
@@ -92,6 +97,7 @@ class Robosuite(gymnasium.Env):
 
         name, arguments = self.specified["env_name"], {**self.specified["env_kwargs"], **ALWAYS}
         arguments["hard_reset"] = bool(self.hard_reset)
+        arguments["has_offscreen_renderer"] = self.render_mode is not None
         if "seed" in inspect.signature(REGISTERED_ENVS[name].__init__).parameters:
             arguments["seed"] = MAKING
         numpy.random.seed(MAKING)
@@ -155,6 +161,22 @@ class Robosuite(gymnasium.Env):
     def state(self):
         """Time, positions and velocities, as they are recorded."""
         return numpy.asarray(self.made.sim.get_state().flatten(), dtype=float)
+
+    def render_within(self, columns, rows):
+        """A picture of at most this size, from the camera that the set names, or else from where robomimic looks."""
+        widest, highest = LARGEST
+        columns = max(min(columns, rows * widest // highest, widest), 1)
+        rows = max(columns * highest // widest, 1)
+        seen = self.made.sim.render(width=columns, height=rows, camera_name=self.camera())
+        # Graphics libraries count rows from below.
+        return numpy.asarray(seen)[::-1]
+
+    def camera(self):
+        arguments = self.specified["env_kwargs"]
+        named = arguments.get("camera_names") or []
+        wanted = [arguments.get("render_camera"), *([named] if isinstance(named, str) else named), CAMERA]
+        known = list(self.made.sim.model.camera_names)
+        return next((name for name in wanted if name in known), known[0] if known else None)
 
     def close(self):
         self.made.close()

@@ -85,9 +85,8 @@ def make(asked):
         # Where there is no screen, MuJoCo draws off it.
         os.environ.setdefault("MUJOCO_GL", "egl")
     if asked.get("kind") == "robosuite":
-        if look:
-            raise Refused("pictures are not made of environments of robosuite")
-        return module_of(asked["adapter"], "demosift_robosuite").make(asked["robosuite"], asked["longest"], Refused)
+        adapter = module_of(asked["adapter"], "demosift_robosuite")
+        return adapter.make(asked["robosuite"], asked["longest"], bool(look), Refused)
     import gymnasium
 
     if asked.get("spec") is not None:
@@ -516,7 +515,8 @@ class Player:
                 f"it has the render_mode {mode!r}, and pictures are made of 'rgb_array'",
                 "let the function that makes it take render_mode, or make it with render_mode=\"rgb_array\"",
             )
-        picture = self.numpy.asarray(self.env.render())
+        within = getattr(getattr(self.env, "unwrapped", self.env), "render_within", None)
+        picture = self.numpy.asarray(within(most_columns, most_rows) if within else self.env.render())
         if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != self.numpy.uint8 or not picture.size:
             raise Refused(
                 f"its render() returned {picture.dtype} of the shape {picture.shape}, and a picture is uint8 of the shape "
