@@ -1,6 +1,6 @@
 //! One Python process: frames that are asked and answered, a time limit for each, and what it said last.
 //!
-//! The frames are described in `python/demosift/worker.py`.
+//! The frames are described in `python/demosift_worker/worker.py`.
 
 use std::collections::VecDeque;
 use std::fmt::Write as _;
@@ -16,8 +16,27 @@ use demosift::{Error, Result};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, Signal, kill_process_group};
 
-/// What the interpreter runs.
-const WORKER: &str = include_str!("../python/demosift/worker.py");
+/// What an interpreter runs: it finds the modules among its arguments.
+const BOOT: &str = include_str!("../python/demosift_worker/boot.py");
+
+macro_rules! modules {
+    ($($name:literal),+) => {
+        [$(($name, include_str!(concat!("../python/demosift_worker/", $name, ".py")))),+]
+    };
+}
+
+/// The modules of a worker, each with its text.
+const MODULES: [(&str, &str); 9] = modules![
+    "environment",
+    "learner",
+    "naming",
+    "own",
+    "player",
+    "problems",
+    "robosuite_env",
+    "spaces",
+    "worker"
+];
 /// Lines that are remembered of what a process wrote to standard error.
 const LAST_LINES: usize = 5;
 /// Letters of a line that are remembered.
@@ -98,7 +117,8 @@ impl Process {
         let Interpreter { python, time_limit, whose } = interpreter;
         let mut command = Command::new(python);
         command
-            .args(["-c", WORKER, &std::process::id().to_string()])
+            .args(["-c", BOOT, &std::process::id().to_string()])
+            .args(MODULES.iter().flat_map(|(name, text)| [name, text]))
             .envs(ONE_THREAD.map(|name| (name, "1")))
             // The order of Python's sets of words, which is drawn at random otherwise.
             .env("PYTHONHASHSEED", "0")

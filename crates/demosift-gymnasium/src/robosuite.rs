@@ -1,12 +1,10 @@
-//! The environment of robosuite that a set of robomimic names, as `python/demosift/robosuite_env.py` makes it.
+//! The environment of robosuite that a set of robomimic names, as `python/demosift_worker/robosuite_env.py` makes it.
 
 use demosift::data::demonstration::robomimic::{NamedEnvironment, Observed};
 use demosift::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-/// What makes an environment of robosuite one of Gymnasium; a worker is handed it with the request.
-const ADAPTER: &str = include_str!("../python/demosift/robosuite_env.py");
 /// Robomimic's numbers for kinds of environments, of which the first is robosuite's.
 const KINDS: [(i64, &str); 4] = [(1, "robosuite"), (2, "gym"), (3, "iGibson"), (4, "a real robot")];
 const ANOTHER_WAY: &str =
@@ -91,7 +89,7 @@ fn read(spec: &str) -> Option<Specified> {
 /// As a worker is asked for it; `longest` is the number of steps of the longest episode of the set, where that is known.
 pub(crate) fn request(spec: &str, longest: Option<usize>) -> Value {
     let spec: Value = serde_json::from_str(spec).unwrap_or_default();
-    json!({ "kind": "robosuite", "adapter": ADAPTER, "robosuite": spec, "longest": longest })
+    json!({ "kind": "robosuite", "robosuite": spec, "longest": longest })
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use crate::source::Source;
 use crate::turn::{Turn, TurnSizes, f64s};
 use crate::whole::{self, Act, Sizes, Turns};
 
-/// The version of the frames, the same in `python/demosift/worker.py`.
+/// The version of the frames, the same in `python/demosift_worker/worker.py`.
 pub(crate) const PROTOCOL: u32 = 5;
 const OPEN: u8 = b'O';
 const MEASURE: u8 = b'M';

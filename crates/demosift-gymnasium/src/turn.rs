@@ -30,7 +30,7 @@ pub struct TurnSizes {
 }
 
 impl Turn {
-    /// Fills it with what the worker has written, which `python/demosift/worker.py` describes; whether that was a turn.
+    /// Fills it with what the worker has written, which `python/demosift_worker/worker.py` describes; whether that was a turn.
     #[must_use]
     pub fn read(&mut self, payload: &[u8], sizes: TurnSizes) -> bool {
         if payload.len() != HEAD + 4 * sizes.observation + 8 * sizes.info {

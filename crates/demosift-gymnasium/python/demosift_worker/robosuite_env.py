@@ -1,4 +1,4 @@
-"""An environment of robosuite, as a set of robomimic names it, as one of Gymnasium; `worker.py` runs this text as a module.
+"""An environment of robosuite, as a set of robomimic names it, as one of Gymnasium.
 
 It observes what the set observes, in the order of its columns, and renders only where it is made to be looked at.
 robosuite ignores the seed of a reset by itself, so each reset here gives its generators one of that seed.
@@ -11,6 +11,8 @@ import inspect
 import gymnasium
 import numpy
 from gymnasium import spaces
+
+from demosift_worker.problems import Refused
 
 #: Steps of the episodes by which is seen whether a reset that keeps the model leaves nothing behind.
 TRIED = 5
@@ -37,18 +39,17 @@ class Columns(spaces.Tuple):
         self.names = names
 
 
-def make(specified, longest, pictures, refused):
+def make(specified, longest, pictures):
     """The environment; `longest` is the number of steps of the longest episode of the set, where that is known.
 
     With `pictures` it can be looked at, which needs a graphics library and takes longer.
-    `refused` makes the exception that says why there is none, of a message and a hint.
     """
     try:
         import robosuite
     except ModuleNotFoundError as error:
         if error.name != "robosuite":
             raise
-        raise refused(
+        raise Refused(
             "the set was recorded in robosuite, which is not installed in this interpreter",
             "install robosuite there, or name an interpreter that has it with --python PATH",
         ) from None
@@ -57,18 +58,18 @@ def make(specified, longest, pictures, refused):
     if name not in known:
         near = difflib.get_close_matches(name, known, 1)
         instead = f"did you mean {near[0]}?" if near else f"it has: {', '.join(known)}"
-        raise refused(
+        raise Refused(
             f"the set names the environment '{name}', and robosuite {robosuite.__version__} has none of that name; {instead}",
             "an environment that another package adds is made by a function of your own: --env my_env.py:make",
         )
-    return Robosuite(robosuite, specified, longest, pictures, refused)
+    return Robosuite(robosuite, specified, longest, pictures)
 
 
 class Robosuite(gymnasium.Env):
     """Observes the columns of a set; acts within the bounds of robosuite's own `action_spec`."""
 
-    def __init__(self, robosuite, specified, longest, pictures, refused):
-        self.robosuite, self.specified, self.refused = robosuite, specified, refused
+    def __init__(self, robosuite, specified, longest, pictures):
+        self.robosuite, self.specified = robosuite, specified
         self.render_mode = "rgb_array" if pictures else None
         self.columns = [
             (one["key"] if one["part"] is None else f"{one['key']}[{one['part'][0]}:{one['part'][1] or ''}]", one)
@@ -137,7 +138,7 @@ class Robosuite(gymnasium.Env):
         theirs = "object-state" if key == "object" and "object" not in observed else key
         if theirs not in observed:
             known = ", ".join(sorted(str(name) for name in observed))
-            raise self.refused(
+            raise Refused(
                 f"the set has the column 'obs/{key}', and the environment makes no observation of that name; it makes: {known}",
                 "name the columns that it makes: --observation-columns NAME,NAME",
             )
