@@ -35,8 +35,8 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use crate::job::Job;
+use crate::job::identity::Data;
 use crate::job::own_heuristic::Beside;
-use crate::job::run_folder::Data;
 use crate::tables;
 use crate::tables::standing::Found;
 use crate::task::simulator::Simulator;

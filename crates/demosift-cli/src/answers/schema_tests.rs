@@ -15,7 +15,7 @@ use super::{
     StudyShown, TaskCheck, Weigh,
 };
 use crate::commands::record::Provenance;
-use crate::job::run_folder::Identity;
+use crate::job::identity::Identity;
 
 /// With this variable the files are written and not compared.
 const WRITE: &str = "DEMOSIFT_WRITE_SCHEMAS";

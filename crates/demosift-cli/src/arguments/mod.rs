@@ -1,32 +1,36 @@
 //! The command line as it is typed; [`crate::job`] resolves it.
 
 pub(crate) mod examples;
+mod names;
 mod part;
 mod play;
 mod reproduce;
+mod sets;
 mod simulator;
 mod study;
+mod task;
 mod trainer;
 pub(crate) mod version;
 
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 use demosift::data::demonstration::episode::Format;
 use demosift::data::demonstration::numbers::Numbers;
-use demosift::run::preset::Preset;
-use demosift::stages::method::Method;
 use demosift::stages::referee::Refereeing;
 use demosift::stages::select::Keep;
 
 use crate::console::interruption::GoesOn;
 
+pub(crate) use names::{JudgesName, MethodName, PresetName};
 pub(crate) use part::{PartArgument, RefereeArguments};
 pub(crate) use play::{PictureArguments, PlayArguments};
 pub(crate) use reproduce::ReproduceArguments;
+pub(crate) use sets::{ConvertArguments, ExportArguments, Form, InspectArguments, Target};
 pub(crate) use simulator::SimulatorArguments;
 pub(crate) use study::{OnlyThese, StudyArguments};
+pub(crate) use task::{TaskCheckArguments, TaskCommand, TaskNewArguments, TasksArguments};
 pub(crate) use trainer::TrainerArguments;
 
 /// Which demonstrations should your agent learn from? Finds out by imitating each one.
@@ -301,102 +305,6 @@ pub(crate) struct RecordArguments {
 }
 
 #[derive(Debug, Args)]
-pub(crate) struct InspectArguments {
-    /// The demonstrations
-    #[arg(value_name = "SET")]
-    pub(crate) demonstrations: PathBuf,
-    /// Whether they fit this task: a name (see `demosift tasks`), or the path of a folder with a task.toml
-    #[arg(long, value_name = "NAME|PATH")]
-    pub(crate) task: Option<String>,
-    /// Write a page that shows each episode among the others, the oddest first, into this file
-    #[arg(long, value_name = "FILE")]
-    pub(crate) html: Option<PathBuf>,
-    /// Print the results as JSON
-    #[arg(long)]
-    pub(crate) json: bool,
-    #[command(flatten)]
-    pub(crate) source: SetArguments,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct ConvertArguments {
-    /// The demonstrations
-    #[arg(value_name = "SET")]
-    pub(crate) demonstrations: PathBuf,
-    /// A new folder
-    #[arg(value_name = "OUT")]
-    pub(crate) out: PathBuf,
-    /// The format to write
-    #[arg(long, value_enum)]
-    pub(crate) to: Target,
-    /// The task that was shown, which tells LeRobot the rate of the steps
-    #[arg(long, value_name = "NAME|PATH")]
-    pub(crate) task: Option<String>,
-    /// Steps in a second, which LeRobot wants to know [default: as the task says]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    pub(crate) fps: Option<u32>,
-    /// Print what was written as JSON
-    #[arg(long)]
-    pub(crate) json: bool,
-    #[command(flatten)]
-    pub(crate) source: SetArguments,
-}
-
-/// A format that is written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Target {
-    /// A LeRobot v3.0 folder
-    Lerobot,
-    /// A Minari folder in HDF5
-    Minari,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct ExportArguments {
-    /// The run folder
-    #[arg(value_name = "RUN")]
-    pub(crate) run: PathBuf,
-    /// What to make of the kept demonstrations, or of the policies
-    #[arg(long = "as", value_enum, value_name = "FORM")]
-    pub(crate) form: Form,
-    /// A new file or folder [default for words: standard output]
-    #[arg(long, value_name = "PATH")]
-    pub(crate) out: Option<PathBuf>,
-    /// Name of the robomimic filter key
-    #[arg(long, value_name = "NAME", default_value = "demosift")]
-    pub(crate) name: String,
-    /// Steps in a second, which LeRobot wants to know [default: as the task of the run says]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    pub(crate) fps: Option<u32>,
-    /// Export these demonstrations instead, such as 0,3,7
-    #[arg(long, value_name = "IDS", value_delimiter = ',')]
-    pub(crate) demonstration_ids: Vec<usize>,
-    /// Allow robomimic-filter-key to add the key to the file of the demonstrations
-    #[arg(long)]
-    pub(crate) edit_my_file: bool,
-}
-
-/// What the kept demonstrations are passed on as.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Form {
-    /// The list that LeRobot takes as --dataset.episodes
-    LerobotEpisodes,
-    /// A LeRobot v3.0 folder of the kept demonstrations
-    Lerobot,
-    /// A Minari folder of the kept demonstrations; from one in HDF5, with all that it holds of them
-    Minari,
-    /// A filter key in the robomimic file itself
-    RobomimicFilterKey,
-    /// Every demonstration with its score, interval, weight and whether it was kept, and where all this came from
-    Json,
-    /// The same as a table
-    Csv,
-    /// A folder with each policy that the run trained, observation filter and action scaling inside; runs write these
-    /// beside the safetensors by themselves
-    Onnx,
-}
-
-#[derive(Debug, Args)]
 pub(crate) struct ReportArguments {
     /// The run folder, at least judged; `demosift sift` writes its report by itself
     #[arg(value_name = "RUN")]
@@ -444,132 +352,9 @@ impl ReportArguments {
     }
 }
 
-/// What is done with a task alone.
-#[derive(Debug, Subcommand)]
-pub(crate) enum TaskCommand {
-    /// Say what a task is made of, try it with random actions and with demonstrations, and tell what is wrong
-    Check(TaskCheckArguments),
-    /// Write a first task.toml for a model, which observes what a set holds as far as that can be told
-    New(TaskNewArguments),
-}
-
-#[derive(Debug, Args)]
-#[command(after_help = examples::TASK_NEW)]
-pub(crate) struct TaskNewArguments {
-    /// The model: an MJCF file
-    #[arg(value_name = "MODEL.xml")]
-    pub(crate) model: PathBuf,
-    /// Demonstrations that the task is for
-    #[arg(long, value_name = "SET")]
-    pub(crate) data: Option<PathBuf>,
-    /// The folder of the task [default: that of the model]
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: Option<PathBuf>,
-    #[command(flatten)]
-    pub(crate) storage: SetArguments,
-}
-
-#[derive(Debug, Args)]
-#[command(after_help = examples::TASK_CHECK)]
-pub(crate) struct TaskCheckArguments {
-    /// The task: the path of a folder with a task.toml, or a name (see `demosift tasks`)
-    #[arg(value_name = "PATH|NAME", required_unless_present = "env")]
-    pub(crate) task: Option<String>,
-    /// Demonstrations to compare with it
-    #[arg(long, value_name = "SET")]
-    pub(crate) data: Option<PathBuf>,
-    /// The root of the random actions
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub(crate) seed: u64,
-    /// Print the results as JSON
-    #[arg(long)]
-    pub(crate) json: bool,
-    #[command(flatten)]
-    pub(crate) simulator: SimulatorArguments,
-    #[command(flatten)]
-    pub(crate) storage: SetArguments,
-}
-
 #[derive(Debug, Args)]
 pub(crate) struct CompletionsArguments {
     /// The shell
     #[arg(value_enum)]
     pub(crate) shell: Shell,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct TasksArguments {
-    /// Print the list as JSON
-    #[arg(long)]
-    pub(crate) json: bool,
-}
-
-/// [`demosift::run::preset::Preset`] as it is typed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum PresetName {
-    /// Minutes; proves that it runs, and ranks roughly
-    Quick,
-    /// Minutes too, but several times as many; what the result pages use
-    Standard,
-    /// The paper's values
-    Paper,
-}
-
-impl From<PresetName> for Preset {
-    fn from(name: PresetName) -> Self {
-        match name {
-            PresetName::Quick => Self::Quick,
-            PresetName::Standard => Self::Standard,
-            PresetName::Paper => Self::Paper,
-        }
-    }
-}
-
-/// [`demosift::results::panel::Judges`] as it is typed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum JudgesName {
-    /// Clone each demonstration from scratch, several times
-    Cloning,
-    /// Adapt what was learned from the whole set, as the paper does
-    Paper,
-    /// Cloning first, then the paper's
-    Both,
-    /// Your own trainer alone, on each demonstration by itself: it needs --trainer
-    Trainer,
-}
-
-impl JudgesName {
-    /// As a configuration names them.
-    pub(crate) fn word(self) -> &'static str {
-        match self {
-            Self::Cloning => "cloning",
-            Self::Paper => "paper",
-            Self::Both => "both",
-            Self::Trainer => "trainer",
-        }
-    }
-}
-
-/// [`demosift::stages::method::Method`] as it is typed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum MethodName {
-    /// Meta-learn to imitate any demonstration of the set
-    Maml,
-    /// The same, regularized so that behavior tells which demonstration was imitated
-    MamlMi,
-    /// Imitate the entire set first, then fine-tune toward each demonstration
-    AvgFineTune,
-    /// Prepare nothing: imitate each demonstration from an untrained policy, for longer
-    FromScratch,
-}
-
-impl From<MethodName> for Method {
-    fn from(name: MethodName) -> Self {
-        match name {
-            MethodName::Maml => Self::Maml,
-            MethodName::MamlMi => Self::MamlMi,
-            MethodName::AvgFineTune => Self::AvgFineTune,
-            MethodName::FromScratch => Self::FromScratch,
-        }
-    }
 }

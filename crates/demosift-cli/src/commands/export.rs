@@ -21,7 +21,8 @@ use crate::answers::{self, Exported};
 use crate::arguments::{ExportArguments, Form, SetArguments};
 use crate::files::writing::undisturbed;
 use crate::job::demonstrations::{self, Demonstrations};
-use crate::job::run_folder::{self, Data, Identity, RunFolder};
+use crate::job::identity::{Data, Identity};
+use crate::job::run_folder::{self, RunFolder};
 use crate::{console::terminal, tables};
 
 /// How many demonstrations are named one by one.

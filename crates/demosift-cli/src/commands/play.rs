@@ -26,10 +26,11 @@ use crate::answers;
 use crate::arguments::{PictureArguments, PlayArguments, SetArguments};
 use crate::console::terminal::{self, Progress};
 use crate::files::picture_folder::PictureFolder;
-use crate::job;
 use crate::job::as_recorded::AsRecorded;
 use crate::job::demonstrations::{self, Demonstrations};
-use crate::job::run_folder::{self, Identity};
+use crate::job::identity::Identity;
+use crate::job::request;
+use crate::job::run_folder;
 use crate::tables::{self, Scale};
 use crate::task::reels;
 use crate::task::simulator::{self, Simulated};
@@ -140,7 +141,7 @@ fn beside(policy: Option<&Path>, chosen: &Chosen) -> PathBuf {
         None => Path::new(".").join(folder).canonicalize().ok(),
     };
     let of_run = policy.and_then(Path::parent).filter(|folder| run_folder::is_one(folder)).and_then(named);
-    of_run.unwrap_or_else(|| job::default_folder(&chosen.name, None))
+    of_run.unwrap_or_else(|| request::default_folder(&chosen.name, None))
 }
 
 /// The one goal of the run that a policy lies in the folder of, if that was about one goal of this task.

@@ -28,8 +28,9 @@ use crate::configuration;
 use crate::console::terminal::{self, Progress};
 use crate::files::metrics_file::MetricsFile;
 use crate::files::writing::undisturbed;
+use crate::job::request::{Asked, Request};
 use crate::job::run_folder::RunFolder;
-use crate::job::{self, Asked, Request};
+use crate::job::threads;
 use crate::tables::{self, Scale};
 use crate::task::Chosen;
 
@@ -87,7 +88,7 @@ pub(crate) struct Demonstrator {
 }
 
 pub(crate) fn run(arguments: &RecordArguments) -> Result<()> {
-    job::threads::make_all_loops_use(arguments.run.threads)?;
+    threads::make_all_loops_use(arguments.run.threads)?;
     let given = arguments.demonstrator.as_deref().map(Source::of).transpose()?;
     let plan = Request::of(&Asked {
         part: None,

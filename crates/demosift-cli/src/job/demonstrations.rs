@@ -16,7 +16,8 @@ use demosift_mujoco::mujoco_task::MujocoTask;
 
 use crate::arguments::{SetArguments, SourceArguments};
 use crate::console::terminal;
-use crate::job::run_folder::{self, Data};
+use crate::job::identity::Data;
+use crate::job::run_folder;
 use crate::task::Chosen;
 
 /// Demonstrations with the file or folder that they are in.

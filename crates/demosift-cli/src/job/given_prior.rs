@@ -12,7 +12,8 @@ use demosift::{Error, Result};
 use toml::Table;
 
 use crate::configuration;
-use crate::job::run_folder::{self, Identity, PriorOrigin, RunFolder};
+use crate::job::identity::{Identity, PriorOrigin};
+use crate::job::run_folder::{self, RunFolder};
 use crate::task::Chosen;
 use crate::task::simulator::{self, Simulated};
 

@@ -4,11 +4,12 @@ pub(crate) mod as_recorded;
 pub(crate) mod demonstrations;
 pub(crate) mod fit;
 pub(crate) mod given_prior;
+pub(crate) mod identity;
 pub(crate) mod own_heuristic;
+pub(crate) mod request;
 pub(crate) mod run_folder;
 pub(crate) mod threads;
 
-use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -17,14 +18,9 @@ use demosift::basics::part::Part;
 use demosift::data::demonstration::choice;
 use demosift::data::demonstration::{self, DemonstrationSet};
 use demosift::data::trajectory::StateLog;
-use demosift::learning::adapt::MetaPrior;
-use demosift::math::arithmetic;
-use demosift::results::artifact::{Artifact as _, FORMAT_VERSION};
 use demosift::results::data_only::DataOnly;
 use demosift::results::panel::Judge;
 use demosift::run::experiment::{self, Config, Run};
-use demosift::run::preset::Preset;
-use demosift::stages::judge::Judged;
 use demosift::stages::method::{Costs, Method};
 use demosift::stages::select::Keep;
 use demosift::world::rollout::Playground;
@@ -32,19 +28,20 @@ use demosift::{Error, Result};
 use demosift_gymnasium::trainer::PythonTrainer;
 use toml::Table;
 
-use crate::arguments::{JobArguments, PresetName, RunArguments, SourceArguments};
+use crate::arguments::JobArguments;
 use crate::configuration::asked_again;
 use crate::configuration::{self, Layer};
 use crate::console::interruption;
 use crate::console::terminal::Progress;
 use crate::files::metrics_file::MetricsFile;
-use crate::task::simulator::{self, Simulated};
 use crate::task::trainer::{self, Needed};
 use crate::task::{self, Chosen};
 use demonstrations::Demonstrations;
 use given_prior::GivenPrior;
+use identity::Data;
 use own_heuristic::Beside;
-use run_folder::{Begun, Data, Identity, PriorOrigin, RunFolder};
+use request::{Asked, Request, identity_of};
+use run_folder::RunFolder;
 
 /// Whether a subcommand needs a prior, and so learns one where none is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -161,7 +158,8 @@ impl Job {
         }
         drop(playground);
         if let Some(simulated) = &plan.chosen.simulated {
-            simulated.notes(arguments.judge.is_none() && !asks_for_it);
+            // A run that goes on was told when it began.
+            simulated.notes(plan.begun.is_none() && arguments.judge.is_none() && !asks_for_it);
         }
         let needed = Needed { to_judge: prior == Prior::Needed, to_referee: asked.referees };
         let trainer = plan.trainer(&values, needed, arguments)?;
@@ -208,7 +206,7 @@ impl Job {
         let chosen = task::choose(&self.chosen.name)?.under(goal)?;
         let out = self.folder.path().join(goal);
         let begun = run_folder::look_into(&out, true)?;
-        let identity = identity(&chosen, Some(self.data.clone()), None);
+        let identity = identity_of(&chosen, Some(self.data.clone()), None);
         let open = if dry { RunFolder::look } else { RunFolder::open };
         let mut folder = open(out, begun.as_ref(), &identity, &self.values)?;
         if !dry {
@@ -369,228 +367,4 @@ fn set_words(values: &mut Table, arguments: &JobArguments) -> Result<()> {
         configuration::apply(values, &Layer { source: option.to_owned(), values: layer })?;
     }
     Ok(())
-}
-
-/// What says which run is to begin or to go on.
-#[derive(Clone, Copy)]
-pub(crate) struct Asked<'a> {
-    pub(crate) run: &'a RunArguments,
-    pub(crate) variant: Option<&'a str>,
-    pub(crate) preset: Option<PresetName>,
-    /// The prior of an earlier run, with its task and its values.
-    pub(crate) given: Option<&'a GivenPrior>,
-    /// The demonstrations, which may name their environment.
-    pub(crate) set: Option<&'a Path>,
-    /// How these are stored.
-    pub(crate) stored: Option<&'a SourceArguments>,
-    /// Which part of the run's work is to be done.
-    pub(crate) part: Option<Part>,
-    /// Whether final policies are trained, and so a trainer may be needed.
-    pub(crate) referees: bool,
-    /// The trainer that is typed.
-    pub(crate) trainer: Option<&'a str>,
-}
-
-impl<'a> Asked<'a> {
-    fn of(arguments: &'a JobArguments) -> Self {
-        let JobArguments { run, variant, preset, demonstrations, .. } = arguments;
-        let (variant, set) = (variant.as_deref(), demonstrations.as_deref());
-        let trainer = arguments.trainer.trainer.as_deref();
-        let stored = Some(&arguments.source.storage);
-        Self { run, variant, preset: *preset, given: None, set, stored, part: None, referees: false, trainer }
-    }
-}
-
-/// What a run is about, before its data is read and its folder is touched.
-pub(crate) struct Request {
-    pub(crate) chosen: Chosen,
-    /// Of all layers but the options that a subcommand has for itself.
-    pub(crate) values: Table,
-    pub(crate) begun: Option<Begun>,
-    out: PathBuf,
-    /// Which prior it is given.
-    prior: Option<PriorOrigin>,
-    part: Option<Part>,
-}
-
-impl Request {
-    pub(crate) fn of(asked: &Asked<'_>) -> Result<Self> {
-        let Asked { run: arguments, variant, preset, given, set, stored, part, trainer: typed, .. } = *asked;
-        let task_of_prior = given.map(|given| &given.identity.task);
-        let env = match &arguments.out {
-            Some(_) => None,
-            None => simulator::folder_name(&arguments.simulator, simulator::naming(set, stored, None))?,
-        };
-        let out = match (&arguments.out, arguments.task.as_ref().or(env.as_ref()).or(task_of_prior)) {
-            (Some(out), _) => out.clone(),
-            (None, Some(task)) => default_folder(task, variant),
-            (None, None) if arguments.resume => {
-                return Err(Error::bad_input("which run is to go on?")
-                    .with_hint("add --out DIR, the folder of the run"));
-            }
-            (None, None) => return Err(task::missing()),
-        };
-        let begun = run_folder::look_into(&out, arguments.resume || part.is_some())?;
-        let data = begun.as_ref().and_then(|begun| begun.identity.data.as_ref());
-        let set = set.or(data.map(|data| data.path.as_path()));
-        let set = simulator::naming(set, stored, data.map(|data| &data.columns));
-        let earlier = begun.as_ref().map(|begun| &begun.identity).or(given.map(|given| &given.identity));
-        let environment = earlier.filter(|_| arguments.task.is_none()).and_then(Identity::environment);
-        let name = arguments.task.as_ref().or(earlier.map(|identity| &identity.task)).map(String::as_str);
-        let none = || if arguments.resume { run_folder::nothing_to_resume(&out) } else { task::missing() };
-        let has_trainer = trainer::is_asked(typed, begun.as_ref().map(|begun| &begun.configuration));
-        let mut chosen = match simulator::open(&arguments.simulator, set, environment, has_trainer)? {
-            Some(simulated) => task::in_python(simulated)?,
-            None => task::choose(name.ok_or_else(none)?)?,
-        };
-        if let Some(begun) = &begun {
-            check_task(&begun.identity, &chosen).map_err(|error| error.at(&out))?;
-        }
-        let identities = begun.iter().map(|begun| &begun.identity).chain(given.map(|given| &given.identity));
-        let begun_under = || identities.clone().find_map(|identity| identity.variant.as_deref());
-        if let Some(variant) = variant.or_else(begun_under) {
-            chosen = chosen.under(variant)?;
-        }
-        if let Some(given) = given {
-            given.check_task(&chosen)?;
-        }
-        let mut values = match (&begun, given, preset) {
-            (Some(begun), _, None) => begun.configuration.clone(),
-            (None, Some(given), None) => given.values.clone(),
-            (_, _, preset) => {
-                let preset = preset.map_or(Preset::Standard, Preset::from);
-                let mut values = configuration::preset(preset, chosen.values.clone())?;
-                if let Some(simulated) = &chosen.simulated {
-                    let begun = begun.as_ref().map(|begun| &begun.configuration);
-                    configuration::apply(&mut values, &simulated.values(begun)?)?;
-                }
-                values
-            }
-        };
-        if let Some(begun) = &begun {
-            values.extend(asked_again::last(&begun.configuration));
-        }
-        configuration::with_trainings_by_trainer(&mut values);
-        for layer in layers(arguments)? {
-            configuration::apply(&mut values, &layer)?;
-        }
-        if values.get("portable").and_then(toml::Value::as_bool) == Some(true) {
-            arithmetic::make_portable();
-        }
-        let prior = given.map(|given| given.origin.clone());
-        Ok(Self { chosen, values, begun, out, prior, part })
-    }
-
-    /// Whether the numbers of demonstrations are such as the task takes; what was begun was found to be so.
-    fn check_numbers(&self, demonstrations: &Demonstrations) -> Result<()> {
-        let Demonstrations { source, said, path, .. } = demonstrations;
-        match self.begun {
-            None => fit::check(&self.chosen, source, said, path),
-            Some(_) => Ok(()),
-        }
-    }
-
-    /// The folder of the run, if that has begun.
-    fn begun_folder(&self) -> Result<Option<RunFolder>> {
-        let folder = self.begun.as_ref().map(|_| run_folder::of_finished(&self.out));
-        Ok(folder.transpose()?.map(|(_, folder)| folder))
-    }
-
-    /// Whether the run has learned its prior already.
-    fn holds_prior(&self) -> Result<bool> {
-        let Some(folder) = self.begun_folder()? else { return Ok(false) };
-        Ok(MetaPrior::recall(&folder, "")?.is_some())
-    }
-
-    /// The trainer that the run will ask, which must be the one that has judged it.
-    fn trainer(
-        &self,
-        values: &Table,
-        mut needed: Needed,
-        arguments: &JobArguments,
-    ) -> Result<Option<PythonTrainer>> {
-        let folder = self.begun_folder()?;
-        let judged =
-            folder.as_ref().map(|folder| Judged::recall(folder, Judge::Trainer.name())).transpose()?;
-        // One that is typed is held against the one that has judged, whatever is left to do.
-        needed.to_judge &= judged.flatten().is_none() || arguments.trainer.trainer.is_some();
-        let trainer = trainer::open(values, needed, arguments, &self.chosen)?;
-        if let (Some(folder), Some(trainer)) = (&folder, &trainer) {
-            experiment::check_judged_by(folder, trainer).map_err(|error| error.at(&self.out))?;
-        }
-        Ok(trainer)
-    }
-
-    /// Begins the run, or goes on with the one that is there; a dry run only looks whether that could be done.
-    pub(crate) fn open_folder(&self, data: Option<Data>, values: &Table, dry: bool) -> Result<RunFolder> {
-        let identity = identity(&self.chosen, data, self.prior.clone());
-        match self.part {
-            Some(part) if !dry => RunFolder::join(self.out.clone(), part, &identity, values),
-            _ => {
-                let open = if dry { RunFolder::look } else { RunFolder::open };
-                open(self.out.clone(), self.begun.as_ref(), &identity, values)
-            }
-        }
-    }
-}
-
-/// What a run depends on, besides its configuration.
-fn identity(chosen: &Chosen, data: Option<Data>, prior: Option<PriorOrigin>) -> Identity {
-    Identity {
-        demosift: env!("CARGO_PKG_VERSION").to_owned(),
-        format: FORMAT_VERSION,
-        task: chosen.name.clone(),
-        task_sha256: chosen.sha256.clone(),
-        variant: chosen.variant.clone(),
-        simulator: chosen.simulated.as_ref().map(Simulated::identity),
-        data,
-        prior,
-        // Known when it is written down.
-        configuration_sha256: String::new(),
-    }
-}
-
-fn layers(arguments: &RunArguments) -> Result<Vec<Layer>> {
-    let mut layers = Vec::new();
-    if let Some(path) = &arguments.config {
-        layers.push(Layer::from_file(path)?);
-    }
-    for assignment in &arguments.set {
-        layers.push(Layer::from_assignment(assignment)?);
-    }
-    if let Some(seed) = arguments.seed {
-        layers.push(Layer::from_option("--seed", "seed", seed)?);
-    }
-    if arguments.portable {
-        let values = Table::from_iter([("portable".to_owned(), toml::Value::Boolean(true))]);
-        layers.push(Layer { source: "--portable".to_owned(), values });
-    }
-    Ok(layers)
-}
-
-/// Whether the run that is there is about the same task; said before its demonstrations are found not to fit.
-fn check_task(begun: &Identity, chosen: &Chosen) -> Result<()> {
-    let hash = |sha256: &Option<String>| sha256.clone().unwrap_or_else(|| "none".to_owned());
-    let pair = |what: &str, old: String, new: String| (old != new).then(|| (what.to_owned(), old, new));
-    let now = chosen.simulated.as_ref().map(Simulated::identity);
-    // What is called something else is of other files too.
-    let differs = pair("the task", begun.task.clone(), chosen.name.clone())
-        .or_else(|| simulator::difference(begun.simulator.as_ref(), now.as_ref()))
-        .or_else(|| pair("the SHA-256 of the task's files", hash(&begun.task_sha256), hash(&chosen.sha256)));
-    match differs {
-        Some((what, old, new)) => Err(run_folder::of_another_run(&what, &old, &new)),
-        None => Ok(()),
-    }
-}
-
-/// `runs/TASK`, or `runs/TASK_VARIANT` for a run about one goal; always within `runs`.
-pub(crate) fn default_folder(task: &str, variant: Option<&str>) -> PathBuf {
-    // Of `.` and `..` only the folder itself knows its name.
-    let absolute = std::fs::canonicalize(task).unwrap_or_else(|_| PathBuf::from(task));
-    let of_path = || absolute.file_name().map(OsStr::to_owned);
-    let mut name = Path::new(task).file_name().map(OsStr::to_owned).or_else(of_path).unwrap_or("task".into());
-    if let Some(variant) = variant {
-        name.push(format!("_{}", variant.replace(std::path::MAIN_SEPARATOR, "_")));
-    }
-    Path::new("runs").join(name)
 }

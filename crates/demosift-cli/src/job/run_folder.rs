@@ -1,4 +1,4 @@
-//! The run folder: what a run depends on, and every result and checkpoint as a file.
+//! The run folder: every result and checkpoint as a file, beside what the run depends on.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -10,106 +10,20 @@ use demosift::basics::files;
 use demosift::basics::ledger::Ledger;
 use demosift::basics::part::Part;
 use demosift::basics::seal;
-use demosift::data::demonstration::choice::Choice;
-use demosift::data::demonstration::episode::{Columns, Format};
-use demosift::data::demonstration::set_file::SetFile;
 use demosift::results::artifact::FORMAT_VERSION;
 use demosift::{Error, Result};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use toml::Table;
 
-use crate::configuration;
+use super::identity::{Begun, Identity, check_same, first_format};
 use crate::configuration::asked_again;
-use crate::configuration::resolved::{self, RESOLVED, fixed};
+use crate::configuration::resolved::{self, RESOLVED};
 use crate::console::interruption;
 use crate::files::lock::{self, Lock};
 use crate::files::metrics_file::MEASURED;
 use crate::files::writing::undisturbed;
-use crate::task::simulator::{Earlier, Simulator};
 
 const RUN: &str = "run.json";
-
-/// What a run depends on besides its configuration; kept in `run.json`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Identity {
-    /// The version of demosift that began the run.
-    pub(crate) demosift: String,
-    /// The format version of its files; runs of before there was a second do not say.
-    #[serde(default = "first_format")]
-    pub(crate) format: u32,
-    /// The task, as `--task` takes it, or the environment as `--env` does.
-    pub(crate) task: String,
-    /// Hash of the files of a task that does not come with demosift.
-    pub(crate) task_sha256: Option<String>,
-    /// The one variant of the task that the run is about; without it the run is about all.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) variant: Option<String>,
-    /// What is known of the environment, if the task is one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) simulator: Option<Simulator>,
-    /// The demonstrations; a recording has none.
-    pub(crate) data: Option<Data>,
-    /// The prior that the run was given, if it did not make its own.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) prior: Option<PriorOrigin>,
-    /// Hash of what of the configuration must stay as it is; the whole stands in a file of its own.
-    #[serde(default)]
-    pub(crate) configuration_sha256: String,
-}
-
-impl Identity {
-    /// The environment of the run, if its task was one.
-    pub(crate) fn environment(&self) -> Option<Earlier<'_>> {
-        self.simulator.as_ref().map(|simulator| Earlier { env: &self.task, simulator })
-    }
-}
-
-fn first_format() -> u32 {
-    1
-}
-
-/// Which prior a run was given.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-pub(crate) struct PriorOrigin {
-    /// The folder of the run that made it.
-    pub(crate) run: PathBuf,
-    /// Hash of its file.
-    pub(crate) sha256: String,
-}
-
-/// The demonstrations of a run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Data {
-    /// Where they were when the run began.
-    pub(crate) path: PathBuf,
-    /// What they were.
-    pub(crate) sha256: String,
-    /// How they were stored; runs of before there were several do not say.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(crate) format: Option<Format>,
-    /// Which columns were read.
-    #[serde(default)]
-    pub(crate) columns: Columns,
-    /// Which episodes of them were taken.
-    #[serde(default, skip_serializing_if = "Choice::is_all")]
-    pub(crate) choice: Choice,
-    /// What the user says of their numbers.
-    #[serde(default, skip_serializing_if = "SetFile::is_none")]
-    pub(crate) set_file: SetFile,
-}
-
-/// What a folder tells of the run that it holds.
-#[derive(Debug)]
-pub(crate) struct Begun {
-    pub(crate) identity: Identity,
-    pub(crate) configuration: Table,
-}
 
 /// `--resume` names a folder without a run, and nothing else says what should begin there.
 pub(crate) fn nothing_to_resume(folder: &Path) -> Error {
@@ -525,51 +439,4 @@ fn is_left_over(name: &str) -> bool {
     const KINDS: [&str; 7] = ["json", "toml", "bin", "safetensors", "onnx", "html", "hdf5"];
     let written = name.strip_prefix('.').and_then(|name| name.strip_suffix(".partial"));
     written.and_then(|name| name.rsplit_once('.')).is_some_and(|(_, kind)| KINDS.contains(&kind))
-}
-
-/// The task was held against the run's before its goal was looked for, in [`crate::job::Request`].
-fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Result<()> {
-    let sha256 = |identity: &Identity| identity.data.as_ref().map(|data| data.sha256.clone());
-    let old = &begun.identity;
-    let columns = |identity: &Identity| match (&identity.data, &old.data) {
-        (Some(data), Some(Data { format: Some(_), .. })) => {
-            format!("{} and {}", data.columns.observations.join(","), data.columns.actions.join(","))
-        }
-        _ => String::new(),
-    };
-    let choice =
-        |identity: &Identity| identity.data.as_ref().map_or_else(String::new, |data| data.choice.to_string());
-    let prior =
-        |identity: &Identity| identity.prior.as_ref().map_or("none".to_owned(), |prior| prior.sha256.clone());
-    let set_file = |identity: &Identity| {
-        let lines = identity.data.as_ref().map_or_else(String::new, |data| data.set_file.to_string());
-        if lines.is_empty() { "nothing".to_owned() } else { lines.trim_end().replace('\n', "; ") }
-    };
-    let text = |value: Option<String>| value.unwrap_or_else(|| "none".to_owned());
-    let variant = |identity: &Identity| identity.variant.clone().unwrap_or_else(|| "all of them".to_owned());
-    let pairs = [
-        ("the version of demosift", old.demosift.clone(), identity.demosift.clone()),
-        ("the variant", variant(old), variant(identity)),
-        // Before the hash, which may depend on them.
-        ("the columns of the demonstrations", columns(old), columns(identity)),
-        ("the choice of episodes", choice(old), choice(identity)),
-        ("the SHA-256 of the prior that it was given", prior(old), prior(identity)),
-        ("what set.toml says of the demonstrations", set_file(old), set_file(identity)),
-        ("the SHA-256 of the demonstrations", text(sha256(old)), text(sha256(identity))),
-    ];
-    let differs = pairs.into_iter().find(|(_, old, new)| old != new);
-    let (what, old, new) =
-        match (differs, configuration::first_difference(&fixed(&begun.configuration), &fixed(configuration)))
-        {
-            (Some((what, old, new)), _) => (what.to_owned(), old, new),
-            (None, Some(difference)) => difference,
-            (None, None) => return Ok(()),
-        };
-    Err(of_another_run(&what, &old, &new))
-}
-
-/// A run folder cannot go on with something else.
-pub(crate) fn of_another_run(what: &str, old: &str, new: &str) -> Error {
-    Error::bad_config(format!("the run folder is of another run: {what} was {old} there, and is {new} now"))
-        .with_hint("take back the change, or give another folder to --out")
 }
