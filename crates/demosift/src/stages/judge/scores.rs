@@ -27,7 +27,7 @@ pub struct Suitability {
     /// How far the adapted agent's evaluation episodes are from v_i (Table 1), one per repeat, `[repeats]`.
     pub distances: Vec<f64>,
     /// The adaptation curves, `[repeats][iterations]`; in a set of more than 200 demonstrations that of the first repeat of those
-    /// worth a look alone ([`super::look_at`]), and nothing for the others.
+    /// worth a look alone, and nothing for the others.
     pub curves: Vec<Vec<UpdateReport>>,
 }
 
@@ -47,8 +47,7 @@ pub struct AdaptedPolicy {
 pub struct Judged {
     /// S of all.
     pub scores: ScoreTable,
-    /// One per suitability, in the same order; in a set of more than 200 demonstrations of those worth a look alone
-    /// ([`super::look_at`]).
+    /// One per suitability, in the same order; in a set of more than 200 demonstrations of those worth a look alone.
     pub adapted: Vec<AdaptedPolicy>,
 }
 
