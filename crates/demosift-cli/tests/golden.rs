@@ -89,12 +89,14 @@ impl Golden {
         let mut method = named("methods", self.method);
         method["values"].as_table_mut().unwrap().insert("portable".to_owned(), Toml::from(true));
         let seeds = Table::from_iter([("count".to_owned(), Toml::from(1))]);
-        Table::from_iter([
+        let judging = study.get("judging").map(|judging| ("judging".to_owned(), judging.clone()));
+        let own = [
             ("preset".to_owned(), study["preset"].clone()),
             ("seeds".to_owned(), Toml::from(seeds)),
             ("sets".to_owned(), Toml::from(vec![set])),
             ("methods".to_owned(), Toml::from(vec![method])),
-        ])
+        ];
+        own.into_iter().chain(judging).collect()
     }
 
     fn gains(&self, results: &[u8]) -> Vec<f64> {

@@ -45,7 +45,7 @@ impl Preset {
             portable: false,
             near_cut: NEAR_CUT,
             policy: PolicyShape { hidden: vec![32, 32], initial_std: 0.5 },
-            inner: InnerUpdate { alphas: self.alphas(), ..update(20, 0.15) },
+            inner: InnerUpdate { alphas: self.alphas(), ..update(20, 0.15, 0.95) },
             meta_train: MetaTraining {
                 rounds: self.by(10, 10, 2000),
                 meta_batch: 10,
@@ -72,9 +72,10 @@ impl Preset {
                 trust_region: TrustRegion { max_kl: 0.04, ..TrustRegion::default() },
             },
             judge: Judging {
-                iterations: self.by(20, 30, 10),
-                averaged: self.by(5, 10, 1),
-                evaluations: self.by(10, 20, 50),
+                iterations: self.by(30, 30, 10),
+                averaged: self.by(10, 10, 1),
+                // As many of these as 5000 steps hold: of long episodes fewer do.
+                evaluations: 50,
                 repeats: self.by(1, 2, 4),
                 most_repeats: 0,
                 acting: Acting::Sampled,
@@ -121,7 +122,7 @@ impl Preset {
                         batch: 100,
                         curve_episodes: 0,
                     },
-                    ..update(10, 0.03)
+                    ..update(10, 0.03, 1.0)
                 },
                 discriminator_hidden: vec![100, 100],
                 evaluate_every: 10,
@@ -161,7 +162,7 @@ impl Preset {
     }
 }
 
-fn update(discriminator_steps: usize, max_kl: f64) -> InnerUpdate {
+fn update(discriminator_steps: usize, max_kl: f64, most_told: f64) -> InnerUpdate {
     InnerUpdate {
         imitation: Rule::Gail,
         batch_steps: 2000,
@@ -172,7 +173,7 @@ fn update(discriminator_steps: usize, max_kl: f64) -> InnerUpdate {
             steps: discriminator_steps,
             batch: 500,
             entropy: 0.3,
-            most_told: 1.0,
+            most_told,
         },
         advantage: AdvantageEstimation::default(),
         cloning: Cloning {
