@@ -21,8 +21,8 @@ SOURCE = ROOT / "data/martial_arts_100/demonstrations.hdf5"
 STAGES = ROOT / "data/provenance/martial_arts_100.json"
 # Of the spread of each number over the whole set.
 NOISE = 0.02
-# How many of each demonstration's repeats count.
-REPEATS = {"all": None, "first three": 3, "first two": 2}
+# How many of each demonstration's repeats count, and how many episodes of each.
+COUNTED = {"all": (None, None), "first three": (3, None), "first two": (2, None), "first three, three episodes": (3, 3)}
 
 
 def write_set(count, path):
@@ -98,15 +98,16 @@ def spearman(one, other):
 
 
 def agree(name, runs):
-    """Of each run, by all repeats, and by the first three and the first two of everybody alone."""
+    """Of each run, by all repeats, by the first three and the first two of everybody alone, and by fewer episodes of these."""
     stages = [one["updates"] for one in json.loads(STAGES.read_text())["demonstrations"]]
     mean = lambda numbers: sum(numbers) / len(numbers)
     found = []
     for run in runs:
         table = json.loads((Path(run) / "scores_cloning.json").read_text())["suitabilities"]
         truth = [stages[one["demo"] % len(stages)] for one in table]
-        by = lambda repeats: spearman([mean([mean(scores) for scores in one["after"][:repeats]]) for one in table], truth)
-        found.append({name: round(by(repeats), 4) for name, repeats in REPEATS.items()})
+        gain = lambda one, repeats, episodes: mean([mean(scores[:episodes]) for scores in one["after"][:repeats]])
+        by = lambda counted: spearman([gain(one, *counted) for one in table], truth)
+        found.append({name: round(by(counted), 4) for name, counted in COUNTED.items()})
     keep("agreement", name, found)
 
 
@@ -127,10 +128,11 @@ def tables():
         sizes = (of["files"].get(file, 0) / 1e3 for file in sorted({f for o in kept["costs"].values() for f in o["files"]}))
         print(f"| {name} | " + " | ".join(f"{size:.0f}" for size in sizes) + " |")
     print()
-    print("| judged with | seeds | " + " | ".join(REPEATS) + " |")
+    print("| judged with | seeds | " + " | ".join(COUNTED) + " |")
     for name, runs in kept.get("agreement", {}).items():
-        means = (sum(run[key] for run in runs) / len(runs) for key in REPEATS)
-        print(f"| {name} | {len(runs)} | " + " | ".join(f"{mean:.3f}" for mean in means) + " |")
+        known = (key if key in runs[0] else None for key in COUNTED)
+        means = (f"{sum(run[key] for run in runs) / len(runs):.3f}" if key else "-" for key in known)
+        print(f"| {name} | {len(runs)} | " + " | ".join(means) + " |")
     FIGURE.write_text(figure([of for name, of in kept["costs"].items() if name.startswith("n_")]))
 
 
