@@ -4,6 +4,8 @@ training. It makes the sets that it measures, and keeps in scale.json what scale
 python3 docs/results/scale.py set N FILE                          writes N demonstrations (needs numpy and h5py)
 python3 docs/results/scale.py measure DEMOSIFT FOLDER NAME N ...  makes, inspects and judges a set of N, with further options of
                                                                   `demosift judge`, and keeps what it took under NAME
+python3 docs/results/scale.py prior DEMOSIFT FOLDER N ...         learns a prior from free_throw_8 and judges sets of N copies of
+                                                                  these throws from it, by the judge of the paper
 python3 docs/results/scale.py agree NAME RUN...                   keeps how well finished runs agree with the stages under NAME
 python3 docs/results/scale.py                                     prints the tables and draws the figure from scale.json
 """
@@ -17,20 +19,29 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 KEPT = Path(__file__).with_suffix(".json")
 FIGURE = ROOT / "docs/images/scale.svg"
-SOURCE = ROOT / "data/martial_arts_100/demonstrations.hdf5"
-STAGES = ROOT / "data/provenance/martial_arts_100.json"
+SOURCE = "martial_arts_100"
+THROWS = "free_throw_8"
 # Of the spread of each number over the whole set.
 NOISE = 0.02
 # How many of each demonstration's repeats count, and how many episodes of each.
 COUNTED = {"all": (None, None), "first three": (3, None), "first two": (2, None), "first three, three episodes": (3, 3)}
 
 
-def write_set(count, path):
-    """Demonstration i is a copy of demonstration i mod 100 of the source, the first hundred too with noise of their own."""
+def set_of(source):
+    return ROOT / "data" / source / "demonstrations.hdf5"
+
+
+def stages_of(source):
+    found = json.loads((ROOT / "data/provenance" / f"{source}.json").read_text())
+    return [one["updates"] for one in found["demonstrations"]]
+
+
+def write_set(count, path, source=SOURCE):
+    """Demonstration i is a copy of one of the source, which come in turn; the first ones too have noise of their own."""
     import h5py
     import numpy
 
-    with h5py.File(SOURCE) as file:
+    with h5py.File(set_of(source)) as file:
         tables = {name: file[name][:] for name in ("observations", "actions")}
         ends = numpy.flatnonzero(file["timeouts"][:] | file["terminals"][:]) + 1
     starts = numpy.concatenate([[0], ends[:-1]])
@@ -97,10 +108,39 @@ def spearman(one, other):
     return product(one, other) / (product(one, one) * product(other, other)) ** 0.5
 
 
+def mean(numbers):
+    return sum(numbers) / len(numbers)
+
+
+def judge_from_prior(binary, folder, counts):
+    """One prior, learned by a run that judges its own set too, and sets of several sizes judged from it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    first = folder / "prior"
+    by = ["--judge", "paper"]
+    threads = ["--threads", "2"]
+    set_and_task = [str(set_of(THROWS)), "--task", "free_throw"]
+    if not first.exists():
+        whole = cost([binary, "judge", *set_and_task, *by, "--preset", "quick", "--out", str(first), *threads])
+        once = json.loads((first / "spent_meta_train.json").read_text())["environment_steps"]
+        keep("prior", "learned", {"judge": whole, "once": once})
+    stages = stages_of(THROWS)
+    for count in counts:
+        path, run = folder / f"throws_{count}.hdf5", folder / f"judged_{count}"
+        if not path.exists():
+            write_set(count, path, THROWS)
+        judged = cost([binary, "judge", str(path), *by, "--prior", str(first), "--out", str(run), *threads])
+        steps = json.loads((run / "spent_judge_paper.json").read_text())["environment_steps"]
+        table = json.loads((run / "scores_paper.json").read_text())["suitabilities"]
+        truth = [stages[one["demo"] % len(stages)] for one in table]
+        gains = [mean([mean(scores) for scores in one["after"]]) for one in table]
+        size = sum(file.stat().st_size for file in run.iterdir())
+        found = {"n": count, "judge": judged, "environment_steps": steps, "folder": size}
+        keep("prior", f"n_{count}", {**found, "agreement": round(spearman(gains, truth), 4)})
+
+
 def agree(name, runs):
     """Of each run, by all repeats, by the first three and the first two of everybody alone, and by fewer episodes of these."""
-    stages = [one["updates"] for one in json.loads(STAGES.read_text())["demonstrations"]]
-    mean = lambda numbers: sum(numbers) / len(numbers)
+    stages = stages_of(SOURCE)
     found = []
     for run in runs:
         table = json.loads((Path(run) / "scores_cloning.json").read_text())["suitabilities"]
@@ -165,6 +205,8 @@ if __name__ == "__main__":
             write_set(int(count), path)
         case ["measure", binary, folder, name, count, *options]:
             measure(binary, Path(folder), name, int(count), options)
+        case ["prior", binary, folder, *counts]:
+            judge_from_prior(binary, Path(folder), [int(count) for count in counts])
         case ["agree", name, *runs]:
             agree(name, runs)
         case []:

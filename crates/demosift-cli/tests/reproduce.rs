@@ -337,6 +337,32 @@ fn each_mistake_of_a_user_is_told() {
 }
 
 #[test]
+fn a_method_may_learn_its_prior_on_each_set_itself() {
+    let scratch = scratch("reproduce_own_prior");
+    let judging = STUDY
+        .split("[curves]")
+        .next()
+        .unwrap()
+        .replace("name = \"MAML\"", "name = \"MAML\"\nown_prior = true");
+    let found = |name: &str, study: &str| {
+        fs::write(scratch.0.join(format!("{name}.toml")), study).unwrap();
+        scratch.succeed(&format!("study {name}.toml --only unseen/MAML --out {name}"));
+        let cell: Value =
+            serde_json::from_str(&read(&scratch, &format!("{name}/cells/judging_unseen_MAML_0.json")))
+                .unwrap();
+        cell["found"].clone()
+    };
+    let own = found("own", &judging);
+    assert_eq!(own, found("alone", &judging.replace("prior = \"lent\"", "").replace("own_prior = true", "")));
+    assert_ne!(own, found("lent", &judging.replace("own_prior = true", "")));
+    let combined = format!(
+        "{judging}[[methods]]\nname = \"both\"\nrule = \"ranks\"\nof = [\"MAML\"]\nown_prior = true\n"
+    );
+    fs::write(scratch.0.join("combined.toml"), combined).unwrap();
+    refuses(&scratch, "study combined.toml", &["'both' combines others", "no prior of its own"]);
+}
+
+#[test]
 fn the_experiments_can_be_read_as_studies_too() {
     let scratch = Scratch::new("reproduce-as-study");
     for entry in fs::read_dir(in_repository("reproduce")).unwrap() {

@@ -51,7 +51,7 @@ mod tests {
     use std::collections::BTreeMap;
     use std::path::Path;
 
-    use demosift::run::study::{Finished, Study};
+    use demosift::run::study::Finished;
 
     use super::*;
     use crate::arguments::OnlyThese;
@@ -77,10 +77,9 @@ mod tests {
                     let place = opened.study.sets.iter().position(|set| set.name == name).unwrap();
                     &opened.sets[place]
                 };
-                let prior = |study: &Study, name: &str| study.set(name).unwrap().prior.clone();
                 for work in opened.study.work(&Finished::default()) {
-                    let lender = prior(&opened.study, work.set());
-                    let of = study_folder::fingerprint(&work, set(work.set()), lender.as_deref().map(set));
+                    let lender = opened.study.lender(&work).map(set);
+                    let of = study_folder::fingerprint(&work, set(work.set()), lender);
                     shared += usize::from(known.contains_key(&work.name()));
                     let before = known.entry(work.name()).or_insert_with(|| of.clone());
                     assert_eq!(*before, of, "{} in {} by {preset}", work.name(), experiment.name);

@@ -108,10 +108,9 @@ impl<'o> Studied<'o> {
 
     /// The set on which the prior is learned that a set is judged from, where that is another.
     fn lender_of(&self, work: &Work) -> Option<&'o OpenedSet> {
-        let sets = &self.opened.study.sets;
-        let name = sets.iter().find(|set| set.name == work.set())?.prior.as_ref()?;
-        let place = sets.iter().position(|set| set.name == *name)?;
-        self.opened.sets.get(place).filter(|_| !matches!(work, Work::Training { .. }))
+        let name = self.opened.study.lender(work)?;
+        let place = self.opened.study.sets.iter().position(|set| set.name == name)?;
+        self.opened.sets.get(place)
     }
 
     fn fingerprint(&self, work: &Work) -> Fingerprint {

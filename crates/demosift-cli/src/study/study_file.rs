@@ -168,13 +168,13 @@ fn method(entry: &MethodEntry) -> Result<Judge> {
             )));
         }
     };
-    if combination.is_some() && (entry.values.is_some() || entry.preset.is_some()) {
+    if combination.is_some() && (entry.values.is_some() || entry.preset.is_some() || entry.own_prior) {
         return Err(Error::bad_config(format!(
-            "the method '{}' combines others, so it has no preset and no values of its own",
+            "the method '{}' combines others, so it has no preset, no values and no prior of its own",
             entry.name
         )));
     }
-    Ok(Judge { name: entry.name.clone(), clones: entry.clones, combination })
+    Ok(Judge { name: entry.name.clone(), clones: entry.clones, own_prior: entry.own_prior, combination })
 }
 
 fn pool_of(entry: &PoolEntry, first: u64) -> Pool {

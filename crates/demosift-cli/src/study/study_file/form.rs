@@ -94,6 +94,8 @@ pub(super) struct MethodEntry {
     pub(super) preset: Option<String>,
     #[serde(default)]
     pub(super) clones: bool,
+    #[serde(default)]
+    pub(super) own_prior: bool,
     pub(super) values: Option<Table>,
     pub(super) rule: Option<CombinationRule>,
     pub(super) of: Option<Vec<String>>,

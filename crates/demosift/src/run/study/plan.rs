@@ -7,6 +7,7 @@ use super::drawn::Drawn;
 use super::file_name;
 use super::parts::{Known, Pool, Seeds, Set};
 use super::refereed::Refereed;
+use super::work::Work;
 use crate::basics::error::{Error, Result};
 use crate::learning::adapt;
 
@@ -46,6 +47,9 @@ pub struct Judge {
     pub name: String,
     /// Whether it judges by cloning, so that an oracle by cloning is no truth for it.
     pub clones: bool,
+    /// Whether it learns its prior on each set itself, also where the set names another.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub own_prior: bool,
     /// What it is made of, if it has no cells of its own.
     pub combination: Option<Combination>,
 }
@@ -129,6 +133,13 @@ impl Study {
     /// The method of this name.
     pub fn method(&self, name: &str) -> Option<&Judge> {
         self.methods.iter().find(|method| method.name == name)
+    }
+
+    /// The set on which the prior of some work is learned, where that is not the set that is judged.
+    pub fn lender(&self, work: &Work) -> Option<&str> {
+        let (Work::Judging { method, .. } | Work::Weighing { method, .. }) = work else { return None };
+        let learns_its_own = self.method(method).is_some_and(|method| method.own_prior);
+        self.set(work.set())?.prior.as_deref().filter(|_| !learns_its_own)
     }
 
     /// Whether the parts of the study fit each other.
