@@ -373,7 +373,7 @@ fn a_run_folder_of_an_earlier_format() {
     for command in
         ["sift --out run --resume", "report run", "export run --as json", "export run --as onnx --out models"]
     {
-        let version = format!("this is demosift {}, which reads format version 6", env!("CARGO_PKG_VERSION"));
+        let version = format!("this is demosift {}, which reads format version 7", env!("CARGO_PKG_VERSION"));
         let wanted = [
             "the run is of demosift 0.0.9, whose files have format version 1",
             &version,

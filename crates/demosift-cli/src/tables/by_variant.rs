@@ -61,6 +61,7 @@ mod tests {
                     after: vec![vec![gain - 1.0]],
                     distances: Vec::new(),
                     curves: Vec::new(),
+                    evaluated: None,
                 });
             }
         }

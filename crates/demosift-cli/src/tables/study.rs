@@ -130,7 +130,11 @@ fn difference(of: &Difference) -> String {
 
 fn separable(of: &Compared) -> String {
     let better = if of.difference.mean > 0.0 { &of.method } else { &of.other };
-    if of.separable { format!("{better} is better") } else { "not separable".to_owned() }
+    match of.separable {
+        _ if of.difference.pairs < ENOUGH_SEEDS => "too few seeds".to_owned(),
+        true => format!("{better} is better"),
+        false => "not separable".to_owned(),
+    }
 }
 
 fn regret(summary: &Summary) -> Section {

@@ -286,7 +286,7 @@ pub fn adapt(
     let mut adam = inner.adam(learner);
     let mut adapted = Adapted { learner: learner.clone(), curve: Vec::with_capacity(iterations), played: 0 };
     for iteration in 0..iterations {
-        let play_seed = seed.of("play").at(iteration);
+        let play_seed = seed_of_batch(seed, iteration);
         let trajectories = inner.play(playground, &adapted.learner.policy, variant, play_seed)?;
         let played = Played::new(playground, &adapted.learner.policy, &trajectories);
         let (alpha, fit_seed) = (inner.alpha(iteration), seed.of("fit").at(iteration));
@@ -301,6 +301,11 @@ pub fn adapt(
     }
     adapted.learner.policy = averaged_policy(&adapted.learner.policy, &last);
     Ok(adapted)
+}
+
+/// The random numbers of the batch that [`adapt`] plays with `seed` before an iteration's update.
+pub fn seed_of_batch(seed: &Seed, iteration: usize) -> Seed {
+    seed.of("play").at(iteration)
 }
 
 /// The policy at the mean of some parameters: policy and discriminator circle around where they would settle, so that the

@@ -36,11 +36,11 @@ use crate::stages::subset_selection::Weighing;
 use crate::world::environment::EnvVariant;
 use crate::world::policy::Policy;
 
-/// Changes when a file of this version could no longer be read; 5 since stages say what they were computed with, 4 since `panel.json` and `uncertainty.json` grow with
+/// Changes when a file of this version could no longer be read; 7 since batches may score an imitation, 6 since both judges can decide, 5 since stages say what they were computed with, 4 since `panel.json` and `uncertainty.json` grow with
 /// the set and not with its square, 3 since each file contains its checksum.
 ///
 /// It is the version of JSON and of checkpoints, and so of a run folder.
-pub const FORMAT_VERSION: u32 = 6;
+pub const FORMAT_VERSION: u32 = 7;
 
 /// The same for tensors, whose layout has not changed, so that policies of earlier runs can still be played.
 const TENSORS_VERSION: u32 = 1;

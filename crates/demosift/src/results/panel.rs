@@ -393,6 +393,7 @@ mod tests {
             after: (0..repeats).map(|_| repeat(*worth)).collect(),
             distances: Vec::new(),
             curves: Vec::new(),
+            evaluated: None,
         };
         ScoreTable::new(worth.iter().enumerate().map(suitability).collect())
     }

@@ -116,6 +116,7 @@ mod tests {
             after: vec![vec![after, after + 0.1], vec![after + 0.02, after + 0.12]],
             distances: vec![0.0; 2],
             curves: vec![vec![]; 2],
+            evaluated: None,
         }
     }
 

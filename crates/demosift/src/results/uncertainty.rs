@@ -210,6 +210,7 @@ impl Uncertainty {
 ///     after: after.map(|scores| scores.to_vec()).to_vec(),
 ///     distances: vec![0.0; 2],
 ///     curves: vec![vec![]; 2],
+///     evaluated: None,
 /// };
 /// let table = ScoreTable::new(vec![
 ///     found(0, [[1.0, 1.2], [0.8, 1.1]]),

@@ -9,7 +9,7 @@ use crate::learning::trpo::TrustRegion;
 use crate::results::panel::Judges;
 use crate::run::experiment::{CloningJudge, Config, FULL_EFFORT_UP_TO, NEAR_CUT, TrainerJudge};
 use crate::stages::imitate::Imitation;
-use crate::stages::judge::Judging;
+use crate::stages::judge::{Judging, ScoredOn};
 use crate::stages::meta_train::{MetaTraining, MutualInformation, Order};
 use crate::stages::method::Method;
 use crate::stages::referee::Refereeing;
@@ -23,7 +23,7 @@ use crate::world::rollout::Acting;
 pub enum Preset {
     /// Minutes: proves that it runs, and ranks roughly.
     Quick,
-    /// Minutes a set: what the result pages use.
+    /// Minutes a set: what the result pages use for judging by cloning and for final policies.
     Standard,
     /// The paper's values, where it gives them (A.2.1).
     Paper,
@@ -74,6 +74,7 @@ impl Preset {
             judge: Judging {
                 iterations: self.by(30, 30, 10),
                 averaged: self.by(10, 10, 1),
+                scored_on: self.by(ScoredOn::LastBatches, ScoredOn::LastBatches, ScoredOn::Evaluations),
                 // As many of these as 5000 steps hold: of long episodes fewer do.
                 evaluations: 50,
                 repeats: self.by(1, 2, 4),
@@ -85,6 +86,7 @@ impl Preset {
                     // Times 20 steps of Adam: with a third of them no imitation of a walker stays upright.
                     iterations: 100,
                     averaged: 10,
+                    scored_on: ScoredOn::Evaluations,
                     evaluations: self.by(5, 5, 50),
                     repeats: self.by(3, 6, 10),
                     most_repeats: self.by(4, 12, 20),
@@ -160,7 +162,7 @@ impl Preset {
         }
     }
 
-    fn by(self, quick: usize, standard: usize, paper: usize) -> usize {
+    fn by<T>(self, quick: T, standard: T, paper: T) -> T {
         match self {
             Self::Quick => quick,
             Self::Standard => standard,

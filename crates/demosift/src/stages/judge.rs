@@ -12,8 +12,9 @@
 //! | 12: S = K(after) − K(before) (Eq. 8) | [`Suitability::gain`] |
 //! | 14: i_opt (Eq. 9) | [`crate::stages::select`] |
 //!
-//! Where we differ: an adaptation is repeated with other random numbers and the outcomes are pooled, and what is evaluated
-//! is the mean of its last θ, since a single θ of one short adaptation is a noisy witness.
+//! Where we differ: an adaptation is repeated with other random numbers and the outcomes are pooled, and what scores it are
+//! the batches that its last θ played before they were updated, or evaluation episodes of the mean of these θ
+//! ([`ScoredOn`]), since a single θ of one short adaptation is a noisy witness.
 //! Repeats go where they are needed: who surely belongs to one side of the cut gets no more of them (`race.rs`).
 //! θ may also be a policy that knows nothing, drawn again for each repeat; that is judging from scratch (§5.4).
 //! Somebody else's trainer may imitate in place of our updates ([`Imitating`]); its policies are played, and not kept.
@@ -29,7 +30,7 @@ mod unit;
 pub use crew::{Crew, HandIn, JudgeUnit, ShareOfThreads, Threads};
 pub use effort::Effort;
 pub use imitating::Imitating;
-pub use scores::{AdaptedPolicy, Judged, ScoreTable, Suitability};
+pub use scores::{AdaptedPolicy, Evaluated, Judged, ScoreTable, Suitability};
 pub use unit::{Outcome, Unit, is_kept_whole, judge_unit};
 
 use std::borrow::Cow;
@@ -45,7 +46,7 @@ use crate::basics::observer::{Event, Observer};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::data::observation_filter::ObservationFilter;
-use crate::learning::adapt::{Learner, MetaPrior};
+use crate::learning::adapt::{InnerUpdate, Learner, MetaPrior, Rule};
 use crate::math::statistics::mean_or_zero;
 use crate::world::environment::{EnvVariant, Episode, Rollout};
 use crate::world::heuristic::Score;
@@ -59,8 +60,12 @@ use crate::world::trainer::TrainerIdentity;
 pub struct Judging {
     /// max_iter: inner updates per adaptation (§4.3: a few).
     pub iterations: usize,
-    /// Of how many last θ of an adaptation the mean is evaluated; not in the paper.
+    /// How many last θ of an adaptation count: their mean is what is kept and evaluated, and their batches score it; not in
+    /// the paper.
     pub averaged: usize,
+    /// What scores an adaptation.
+    #[serde(default)]
+    pub scored_on: ScoredOn,
     /// M: evaluation seeds (Algorithm 2 line 11), fewer where episodes are long ([`episodes`](Self::episodes)); not in the
     /// paper.
     pub evaluations: usize,
@@ -74,6 +79,18 @@ pub struct Judging {
     pub acting: Acting,
 }
 
+/// What scores an adaptation (Algorithm 2, line 11).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ScoredOn {
+    /// The M evaluation episodes of what came of it, as in the paper.
+    #[default]
+    Evaluations,
+    /// The episodes of the batches that its last updates learned from, which cost nothing more and are many more episodes;
+    /// not in the paper. An adaptation that plays no batches, or one that was averaged over one θ, has evaluation episodes.
+    LastBatches,
+}
+
 /// A thousand steps say more of an agent than sixty, so an evaluation takes no more than about so many ...
 const EVALUATION_STEPS: usize = 5000;
 
@@ -84,6 +101,16 @@ impl Judging {
     /// How many of the M evaluation episodes are played where one may last so many steps.
     pub fn episodes(&self, horizon: usize) -> usize {
         self.evaluations.min((EVALUATION_STEPS / horizon).max(LEAST_EVALUATIONS))
+    }
+
+    /// Which iterations play the batches that score an adaptation by these updates; none where evaluation episodes do.
+    pub fn scoring_batches(&self, inner: &InnerUpdate) -> std::ops::Range<usize> {
+        match (self.scored_on, inner.imitation) {
+            (ScoredOn::LastBatches, Rule::Gail) if self.averaged > 1 => {
+                self.iterations.saturating_sub(self.averaged)..self.iterations
+            }
+            _ => 0..0,
+        }
     }
 }
 
@@ -376,8 +403,9 @@ fn assemble(trial: &Trial<'_>, state: &JudgingState) -> Judged {
     let mut judged = Judged::default();
     judged.scores.trainer = trial.imitating.trainer().cloned();
     for variant in trial.playground.specification().variant_ids() {
-        let before: Vec<Vec<Score>> =
-            under(variant, None).iter().map(|outcome| outcome.scores.clone()).collect();
+        let starts = under(variant, None);
+        let before: Vec<Vec<Score>> = starts.iter().map(|outcome| outcome.scores.clone()).collect();
+        let before_evaluated = starts.first().and_then(|outcome| outcome.evaluated.clone());
         for &demo in trial.demos {
             let of_demo = under(variant, Some(demo));
             judged.scores.suitabilities.push(Suitability {
@@ -387,6 +415,10 @@ fn assemble(trial: &Trial<'_>, state: &JudgingState) -> Judged {
                 after: of_demo.iter().map(|outcome| outcome.scores.clone()).collect(),
                 distances: of_demo.iter().map(|outcome| outcome.distance).collect(),
                 curves: of_demo.iter().map(|outcome| outcome.curve.clone()).collect(),
+                evaluated: before_evaluated
+                    .clone()
+                    .zip(of_demo.first().and_then(|outcome| outcome.evaluated.clone()))
+                    .map(|(before, after)| Evaluated { before, after }),
             });
             let policy = of_demo.iter().find_map(|outcome| outcome.policy.clone());
             assert!(policy.is_some() || !trial.keeps_policies(), "the first repeat keeps its policy");

@@ -222,6 +222,7 @@ fn ranked(demo: DemoId, found: &[&Suitability]) -> Ranked {
 ///     after: vec![after.to_vec()],
 ///     distances: vec![0.0],
 ///     curves: vec![vec![]],
+///     evaluated: None,
 /// };
 /// let table = ScoreTable::new(vec![
 ///     found(0, 0, [1.0, 2.0], [1.5, 2.5]), // S = 0.5
@@ -280,6 +281,7 @@ mod tests {
             after: vec![vec![after, after], vec![after, after]],
             distances: Vec::new(),
             curves: Vec::new(),
+            evaluated: None,
         };
         ScoreTable::new(scores.iter().map(suitability).collect())
     }

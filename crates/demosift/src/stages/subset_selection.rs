@@ -41,7 +41,7 @@ use crate::data::weights::Weights;
 use crate::learning::adapt::MetaPrior;
 use crate::math::statistics;
 use crate::stages::judge::{
-    self, Imitating, Judging, JudgingState, ScoreTable, Start, Suitability, Threads, Trial,
+    self, Imitating, Judging, JudgingState, ScoreTable, ScoredOn, Start, Suitability, Threads, Trial,
 };
 use crate::stages::meta_train::{self, Learning, MetaState, MetaTraining, MutualInformation};
 use crate::world::heuristic::Score;
@@ -272,11 +272,14 @@ fn assess(round: &Round<'_>, prior: &MetaPrior, observer: &mut dyn Observer) -> 
 
 /// Judging as a round does it: each demonstration once, by few iterations, of which the mean takes the same share of the last
 /// as in judging, so that the hardly trained first ones do not count.
+///
+/// Its Δ is in spreads of single episodes, so these are what scores.
 fn assessing(selection: &SubsetSelection, judging: &Judging) -> Judging {
     let iterations = selection.iterations;
     let averaged =
         (judging.averaged * iterations).div_ceil(judging.iterations.max(1)).clamp(1, iterations.max(1));
-    Judging { iterations, averaged, repeats: 1, most_repeats: 1, ..judging.clone() }
+    let scored_on = ScoredOn::Evaluations;
+    Judging { iterations, averaged, scored_on, repeats: 1, most_repeats: 1, ..judging.clone() }
 }
 
 /// What a selection by weights takes at most, where episodes last to the horizon.

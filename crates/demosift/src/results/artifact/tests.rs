@@ -54,7 +54,8 @@ fn what_was_judged_comes_back_with_every_adapted_policy() {
         let moved = policy.moved(&vec![shift; policy.parameters().len()]);
         let (demo, variant) = (DemoId(demo), EnvVariant(1));
         let (before, after, distances) = (vec![vec![0.5]], vec![vec![0.1 + 0.2]], vec![3.25]);
-        let suitability = Suitability { demo, variant, before, after, distances, curves: vec![vec![]] };
+        let suitability =
+            Suitability { demo, variant, before, after, distances, curves: vec![vec![]], evaluated: None };
         (suitability, AdaptedPolicy { demo, variant, policy: moved })
     };
     let (suitabilities, adapted) = [of(0, 0.1), of(1, -0.2)].into_iter().unzip();

@@ -1,6 +1,6 @@
 //! Episodes of the agent to be looked at, before and after imitating each demonstration.
 //!
-//! They are not new ones: each is among the episodes that the scores are the mean of, played again from its seed.
+//! They are not new ones: each is an evaluation episode of judging, played again from its seed.
 
 use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
@@ -87,22 +87,25 @@ pub fn agent_episodes(
         });
         for (of, adapted) in both.filter(|(of, _)| of.variant == variant && demos.contains(&of.demo)) {
             if shown.last().is_none_or(|last: &Shown| last.variant != variant) {
-                shown.push(look.at(Moment::Before, start, of.before[0][evaluation])?);
+                shown.push(look.at(Moment::Before, start, of.evaluation_episodes().0[evaluation])?);
             }
-            shown.push(look.at(Moment::After(of.demo), &adapted.policy, of.after[0][evaluation])?);
+            let scored = of.evaluation_episodes().1[evaluation];
+            shown.push(look.at(Moment::After(of.demo), &adapted.policy, scored)?);
         }
     }
     Ok(shown)
 }
 
-/// Which of the M evaluation seeds shows the mean scores best under a variant: the one where the first repeats' scores are,
-/// in all, the least away from their means; the first of those alike.
+/// Which of the M evaluation seeds shows the mean scores best under a variant: the one where the first repeats' episodes are,
+/// in all, the least away from the mean scores; the first of those alike.
 pub fn typical_evaluation(scores: &ScoreTable, variant: EnvVariant) -> usize {
     let under: Vec<_> = scores.of_variant(variant).collect();
-    let evaluations = under.first().and_then(|of| of.before.first()).map_or(0, Vec::len);
+    let evaluations = under.first().map_or(0, |of| of.evaluation_episodes().0.len());
+    let before = |of: &Suitability, at: usize| (of.evaluation_episodes().0[at] - of.mean_before()).abs();
+    let after = |of: &Suitability, at: usize| (of.evaluation_episodes().1[at] - of.mean_after()).abs();
     let away = |evaluation: usize| -> f64 {
-        let before = under.first().map_or(0.0, |of| (of.before[0][evaluation] - of.mean_before()).abs());
-        before + under.iter().map(|of| (of.after[0][evaluation] - of.mean_after()).abs()).sum::<f64>()
+        under.first().map_or(0.0, |of| before(of, evaluation))
+            + under.iter().map(|of| after(of, evaluation)).sum::<f64>()
     };
     (0..evaluations).min_by(|a, b| away(*a).total_cmp(&away(*b))).unwrap_or(0)
 }

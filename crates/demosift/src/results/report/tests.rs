@@ -10,7 +10,9 @@ use crate::learning::gail::Fitting;
 use crate::learning::trpo::{StepEnd, TrustRegion};
 use crate::results::data_only::Column;
 use crate::results::panel::{Found, panel};
-use crate::stages::judge::{self, AdaptedPolicy, Imitating, Judging, JudgingState, Start, Threads, Trial};
+use crate::stages::judge::{
+    self, AdaptedPolicy, Imitating, Judging, JudgingState, ScoredOn, Start, Threads, Trial,
+};
 use crate::stages::method::{Account, Budget, Method, Spent};
 use crate::stages::select::Ranked;
 use crate::world::point_mass::{PointMass, planted_set};
@@ -45,6 +47,7 @@ fn suitability(demo: usize, after: [[f64; 2]; 2]) -> Suitability {
             vec![update(Some(-3.0)), update(Some(-1.0))],
             vec![update(Some(-5.0)), update(Some(-2.0))],
         ],
+        evaluated: None,
     }
 }
 
@@ -170,13 +173,25 @@ fn the_typical_evaluation_is_the_one_nearest_to_the_means() {
 /// What is played again must be what was scored: by judging itself, on the point mass.
 #[test]
 fn an_evaluation_is_played_again_to_the_bit_and_a_changed_one_is_refused() {
+    [ScoredOn::Evaluations, ScoredOn::LastBatches].into_iter().for_each(plays_again);
+}
+
+fn plays_again(scored_on: ScoredOn) {
     let task = PointMass::new();
     let playground = Playground::new(&task);
     let set = planted_set(&[180.0, 0.0], Seed::new(1)).expect("valid");
     let shape = PolicyShape { hidden: vec![8], initial_std: 0.5 };
     let prior = Learner::untrained(&set, &shape, &[8], &Seed::new(4));
     let acting = Acting::Sampled;
-    let judging = Judging { iterations: 2, averaged: 1, evaluations: 3, repeats: 2, most_repeats: 2, acting };
+    let judging = Judging {
+        iterations: 3,
+        averaged: 2,
+        scored_on,
+        evaluations: 3,
+        repeats: 2,
+        most_repeats: 2,
+        acting,
+    };
     let seed = Seed::new(5);
     let trial = Trial {
         set: &set,
@@ -197,8 +212,9 @@ fn an_evaluation_is_played_again_to_the_bit_and_a_changed_one_is_refused() {
                 let rollout = judge::replay(&playground, policy, &judging, variant, evaluation, seed);
                 rollout.expect("played").rollout.trajectory
             };
-            assert_eq!(playground.score(&again(&prior.policy)), of.before[0][evaluation]);
-            assert_eq!(playground.score(&again(&adapted.policy)), of.after[0][evaluation]);
+            let (before, after) = of.evaluation_episodes();
+            assert_eq!(playground.score(&again(&prior.policy)), before[evaluation]);
+            assert_eq!(playground.score(&again(&adapted.policy)), after[evaluation]);
         }
     }
     // There is nothing to draw of a point mass, yet all is played and compared.

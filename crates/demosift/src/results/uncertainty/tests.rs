@@ -12,6 +12,7 @@ fn table(after: &[Vec<Vec<f64>>]) -> ScoreTable {
         after: after.clone(),
         distances: Vec::new(),
         curves: Vec::new(),
+        evaluated: None,
     };
     ScoreTable::new(after.iter().enumerate().map(suitability).collect())
 }

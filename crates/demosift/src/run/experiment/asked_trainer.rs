@@ -6,7 +6,7 @@ use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::results::artifact::Artifact as _;
 use crate::results::panel::Judge;
-use crate::stages::judge::{Judged, Judging, ScoreTable};
+use crate::stages::judge::{Judged, Judging, ScoreTable, ScoredOn};
 use crate::world::policy::Acting;
 use crate::world::rollout::Playground;
 use crate::world::trainer::{Trainer, TrainerIdentity};
@@ -35,7 +35,8 @@ impl TrainerJudge {
     /// The same as judging takes it: its updates are the trainer's, and its policies act as they like.
     pub(super) fn judging(&self) -> Judging {
         let Self { evaluations, repeats, most_repeats } = *self;
-        Judging { iterations: 0, averaged: 0, evaluations, repeats, most_repeats, acting: Acting::Mean }
+        let (scored_on, acting) = (ScoredOn::Evaluations, Acting::Mean);
+        Judging { iterations: 0, averaged: 0, scored_on, evaluations, repeats, most_repeats, acting }
     }
 }
 

@@ -2,12 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Work;
 use super::choice::{Choice, TopK};
 use super::drawn::Drawn;
 use super::file_name;
 use super::parts::{Known, Pool, Seeds, Set};
 use super::refereed::Refereed;
-use super::work::Work;
 use crate::basics::error::{Error, Result};
 use crate::learning::adapt;
 

@@ -15,7 +15,12 @@ fn ids(ids: &[usize]) -> Vec<DemoId> {
 
 /// Four demonstrations, two judges and what combines them, three seeds of judging and two of the oracle.
 fn study() -> Study {
-    let judge = |name: &str, clones, combination| Judge { name: name.to_owned(), clones, combination };
+    let judge = |name: &str, clones, combination| Judge {
+        name: name.to_owned(),
+        clones,
+        own_prior: false,
+        combination,
+    };
     let of = ["paper", "cloning"].map(str::to_owned).to_vec();
     Study {
         name: "test".to_owned(),

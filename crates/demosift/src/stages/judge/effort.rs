@@ -37,13 +37,15 @@ impl Effort {
         let starts = if starts_anew { repeats } else { 1 } * variants;
         let updates = inner.map_or(0, |_| adaptations * judging.iterations);
         let steps_of_update = inner.map_or(0, |inner| inner.episodes(task.horizon) * task.horizon);
+        let batches_before = inner.map_or(0, |inner| judging.scoring_batches(inner).len()) * starts;
         let units = adaptations + starts;
         Self {
             units,
             updates,
             by_trainer: if inner.is_some() { 0 } else { adaptations },
             adapting_steps: (updates * steps_of_update) as u64,
-            evaluating_steps: (units * judging.episodes(task.horizon) * task.horizon) as u64,
+            evaluating_steps: (units * judging.episodes(task.horizon) * task.horizon
+                + batches_before * steps_of_update) as u64,
         }
     }
 

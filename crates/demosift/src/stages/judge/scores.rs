@@ -22,13 +22,27 @@ pub struct Suitability {
     pub variant: EnvVariant,
     /// K before imitating: of the meta-parameters, `[1][M]`; of the policies that know nothing, one per repeat, `[repeats][M]`.
     pub before: Vec<Vec<Score>>,
-    /// K after adapting, one per evaluation seed, for each repeat, `[repeats][M]`.
+    /// K after adapting, for each repeat, `[repeats][M]`: one per evaluation episode, or the mean of each batch of the last
+    /// updates, whose random numbers are those of the batches before imitating.
     pub after: Vec<Vec<Score>>,
     /// How far the adapted agent's evaluation episodes are from v_i (Table 1), one per repeat, `[repeats]`.
     pub distances: Vec<f64>,
     /// The adaptation curves, `[repeats][iterations]`; in a set of more than 200 demonstrations that of the first repeat of those
     /// worth a look alone, and nothing for the others.
     pub curves: Vec<Vec<UpdateReport>>,
+    /// The evaluation episodes of the first repeat, to be looked at, where batches are what scores.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub evaluated: Option<Evaluated>,
+}
+
+/// K of evaluation episodes that score nothing, one per evaluation seed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Evaluated {
+    /// Of the agent before imitating.
+    pub before: Vec<Score>,
+    /// Of what imitating led to.
+    pub after: Vec<Score>,
 }
 
 /// θ_ij: the result of imitating a demonstration under a variant, to be looked at.
@@ -66,6 +80,17 @@ impl Suitability {
     /// S_{v|e} = K(τ after) − K(τ before), means over seeds and repeats (Eq. 8).
     pub fn gain(&self) -> Score {
         self.mean_after() - self.mean_before()
+    }
+
+    /// K of the evaluation episodes of the first repeat, which can be played again.
+    pub fn evaluation_episodes(&self) -> (&[Score], &[Score]) {
+        match &self.evaluated {
+            Some(Evaluated { before, after }) => (before, after),
+            None => (
+                self.before.first().map_or(&[], Vec::as_slice),
+                self.after.first().map_or(&[], Vec::as_slice),
+            ),
+        }
     }
 
     /// Mean K before imitating.

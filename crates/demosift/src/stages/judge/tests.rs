@@ -3,6 +3,7 @@ use std::sync::Mutex;
 use super::*;
 use crate::basics::error::Error;
 use crate::learning::adapt::{self, InnerUpdate};
+use crate::run::experiment::Config;
 use crate::run::preset::Preset;
 use crate::world::point_mass::{PointMass, planted_set};
 
@@ -12,6 +13,7 @@ fn an_evaluation_has_as_many_episodes_as_their_length_allows() {
     let judging = |evaluations| Judging {
         iterations: 1,
         averaged: 1,
+        scored_on: ScoredOn::Evaluations,
         evaluations,
         repeats: 1,
         most_repeats: 0,
@@ -59,7 +61,16 @@ fn with_trial<T>(work: impl FnOnce(&Trial<'_>) -> T) -> T {
     let config = Preset::Quick.config();
     let inner = InnerUpdate { batch_steps: 60, ..config.inner };
     let acting = Acting::Sampled;
-    let judging = Judging { iterations: 2, averaged: 1, evaluations: 3, repeats: 2, most_repeats: 4, acting };
+    let scored_on = ScoredOn::Evaluations;
+    let judging = Judging {
+        iterations: 2,
+        averaged: 1,
+        scored_on,
+        evaluations: 3,
+        repeats: 2,
+        most_repeats: 4,
+        acting,
+    };
     let shape = PolicyShape { hidden: vec![8], initial_std: 0.5 };
     work(&Trial {
         set: &set,
@@ -249,6 +260,67 @@ fn of_a_large_set_policies_and_curves_are_made_for_those_that_are_looked_at_alon
     });
 }
 
+/// Line 11 by batches: they are those that the last updates learned from, and before imitating they have the same random numbers.
+#[test]
+fn algorithm_2_the_last_batches_score_where_they_are_asked_to() {
+    with_trial(|trial| {
+        let judging = Judging {
+            iterations: 3,
+            averaged: 2,
+            scored_on: ScoredOn::LastBatches,
+            most_repeats: 2,
+            ..trial.judging.clone()
+        };
+        let by_batches = came(&Trial { judging: &judging, ..*trial }, &Threads);
+        let episodes = Judging { scored_on: ScoredOn::Evaluations, ..judging.clone() };
+        let by_episodes = came(&Trial { judging: &episodes, ..*trial }, &Threads).judged;
+        assert_eq!(by_batches.judged.adapted, by_episodes.adapted, "they learn the same");
+        for (of, other) in
+            by_batches.judged.scores.suitabilities.iter().zip(&by_episodes.scores.suitabilities)
+        {
+            for (scores, curve) in of.after.iter().zip(&of.curves) {
+                let played: Vec<Option<Score>> = curve[1..].iter().map(|report| report.score).collect();
+                assert_eq!(played, scores.iter().copied().map(Some).collect::<Vec<_>>());
+            }
+            let shapes =
+                [&of.before, &of.after].map(|scores| scores.iter().map(Vec::len).collect::<Vec<_>>());
+            assert_eq!(shapes, [vec![2, 2], vec![2, 2]], "of each repeat two batches, before and after");
+            assert_eq!(of.evaluation_episodes(), (&other.before[0][..], &other.after[0][..]));
+            assert_eq!((&of.distances, &of.curves), (&other.distances, &other.curves));
+        }
+        let task = trial.playground.specification();
+        let steps =
+            |judging| Effort::of(trial.demos.len(), task, judging, Some(inner_of(trial)), true).steps();
+        assert_eq!(by_batches.state.played(), steps(&judging));
+        assert!(steps(&judging) > steps(&episodes), "the agent before plays batches on top");
+
+        // The first batch of all is played by the agent before.
+        let all = Judging { averaged: 3, ..judging.clone() };
+        let judged = came(&Trial { judging: &all, ..*trial }, &Threads).judged;
+        for of in &judged.scores.suitabilities {
+            let first = |scores: &[Vec<Score>]| scores.iter().map(|repeat| repeat[0]).collect::<Vec<_>>();
+            assert_eq!(first(&of.before), first(&of.after));
+        }
+    });
+}
+
+#[test]
+fn what_plays_no_batches_is_scored_on_evaluation_episodes() {
+    let Config { inner, judge, .. } = Preset::Quick.config();
+    assert_eq!(judge.scoring_batches(&inner), 20..30, "the last ten of thirty");
+    assert!(
+        judge
+            .scoring_batches(&InnerUpdate { imitation: Rule::BehavioralCloning, ..inner.clone() })
+            .is_empty()
+    );
+    let literally = Preset::Paper.config();
+    assert!(literally.judge.scoring_batches(&literally.inner).is_empty(), "M episodes of the last θ");
+    let one = Judging { averaged: 1, ..judge.clone() };
+    assert!(one.scoring_batches(&inner).is_empty(), "θ before its last update would be what counts");
+    let few = Judging { iterations: 4, ..judge };
+    assert_eq!(few.scoring_batches(&inner), 0..4, "the batches that there are");
+}
+
 #[test]
 fn the_effort_of_a_large_set_counts_what_is_repeated_and_looked_at() {
     with_trial(|trial| {
@@ -269,8 +341,14 @@ fn the_effort_of_a_large_set_counts_what_is_repeated_and_looked_at() {
 #[test]
 fn a_unit_that_took_long_is_stored_as_soon_as_it_is_finished() {
     let unit = |demo| Unit { variant: EnvVariant(0), repeat: 0, demo: Some(DemoId(demo)) };
-    let outcome =
-        |played| Outcome { scores: Vec::new(), distance: 0.0, curve: Vec::new(), policy: None, played };
+    let outcome = |played| Outcome {
+        scores: Vec::new(),
+        evaluated: None,
+        distance: 0.0,
+        curve: Vec::new(),
+        policy: None,
+        played,
+    };
     let units: Vec<Unit> = (0..103).map(unit).collect();
     let checkpoints = |steps: u64| {
         let (mut state, mut listening) = (JudgingState::default(), Listening::default());

@@ -9,7 +9,7 @@ use crate::data::demonstration::DemoId;
 use crate::data::trajectory::Trajectory;
 use crate::learning::adapt::{self, Course, InnerUpdate, Learner, UpdateReport};
 use crate::learning::gail;
-use crate::math::statistics::mean_or_zero;
+use crate::math::statistics::{mean, mean_or_zero};
 use crate::world::adapted_behaviors;
 use crate::world::environment::EnvVariant;
 use crate::world::heuristic::Score;
@@ -32,8 +32,10 @@ pub struct Unit {
 /// The result of a unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
-    /// K, one per evaluation seed, `[M]`.
+    /// K, one per evaluation seed or batch, `[M]`.
     pub(super) scores: Vec<Score>,
+    /// K of the evaluation episodes, where batches are what scores; of the first repeat only.
+    pub(super) evaluated: Option<Vec<Score>>,
     /// From what was demonstrated (Table 1).
     pub(super) distance: f64,
     pub(super) curve: Vec<UpdateReport>,
@@ -44,7 +46,7 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Mean K over the evaluation seeds.
+    /// Mean K over the evaluation seeds or batches.
     pub fn mean_score(&self) -> Score {
         mean_or_zero(&self.scores)
     }
@@ -94,12 +96,38 @@ pub(super) fn judged_whole(trial: &Trial<'_>, unit: &Unit) -> Result<Outcome> {
     outcome.map_err(|error| error.during(&unit.in_words()))
 }
 
-/// What the agent is worth that imitates nothing.
+/// What the agent is worth that imitates nothing: in evaluation episodes, or in batches of the same random numbers as those that
+/// score the adaptations of this repeat.
 fn before(trial: &Trial<'_>, learner: &Learner, unit: &Unit, seed: &Seed) -> Result<Outcome> {
-    let played = evaluate(trial, &learner.policy, unit.variant, seed)?;
-    let scores = score(trial.playground, &played);
-    let played = steps_of(&played);
-    Ok(Outcome { scores, distance: 0.0, curve: Vec::new(), policy: None, played })
+    let evaluated = evaluate(trial, &learner.policy, unit.variant, seed)?;
+    let mut played = steps_of(&evaluated);
+    let mut batches = Vec::new();
+    if let Imitating::Updates(inner) = trial.imitating {
+        let adapting = seed.of("adapt").at(unit.repeat);
+        for iteration in trial.judging.scoring_batches(inner) {
+            let seed = adapt::seed_of_batch(&adapting, iteration);
+            let batch = inner.play(trial.playground, &learner.policy, unit.variant, seed)?;
+            batches.push(mean(&score(trial.playground, &batch)));
+            played += steps_of(&batch);
+        }
+    }
+    let Scored { scores, evaluated } = scored(trial, unit, batches, &evaluated);
+    Ok(Outcome { scores, evaluated, distance: 0.0, curve: Vec::new(), policy: None, played })
+}
+
+/// What counts, and what can be looked at.
+struct Scored {
+    scores: Vec<Score>,
+    evaluated: Option<Vec<Score>>,
+}
+
+/// By the batches, where there are any.
+fn scored(trial: &Trial<'_>, unit: &Unit, batches: Vec<Score>, evaluated: &[Trajectory]) -> Scored {
+    let evaluated = score(trial.playground, evaluated);
+    if batches.is_empty() {
+        return Scored { scores: evaluated, evaluated: None };
+    }
+    Scored { scores: batches, evaluated: (unit.repeat == 0).then_some(evaluated) }
 }
 
 /// An agent of ours that imitates.
@@ -125,12 +153,14 @@ fn imitated(
     let adapting = seed.of("adapt").at(unit.repeat);
     let adapted = adapt::adapt(learner, &[&pairs], trial.playground, unit.variant, &course, &adapting)?;
     let policy = adapted.learner.policy;
-    let played = evaluate(trial, &policy, unit.variant, seed)?;
-    let distance = adapted_behaviors::distance(trial.set.get(demo), &played)?;
-    let scores = score(trial.playground, &played);
+    let evaluated = evaluate(trial, &policy, unit.variant, seed)?;
+    let distance = adapted_behaviors::distance(trial.set.get(demo), &evaluated)?;
+    let last = &adapted.curve[trial.judging.scoring_batches(inner)];
+    let batches = last.iter().filter_map(|report| report.score).collect();
+    let played = adapted.played + steps_of(&evaluated);
+    let Scored { scores, evaluated } = scored(trial, unit, batches, &evaluated);
     let policy = (unit.repeat == 0).then_some(policy);
-    let played = adapted.played + steps_of(&played);
-    Ok(Outcome { scores, distance, curve: adapted.curve, policy, played })
+    Ok(Outcome { scores, evaluated, distance, curve: adapted.curve, policy, played })
 }
 
 /// The same by somebody else's trainer, which learns from this one demonstration where and how it likes.
@@ -146,7 +176,8 @@ fn trained(
     let played = rollout::play_led(trial.playground, apprentice.as_mut(), unit.variant, &seeds)?;
     let distance = adapted_behaviors::distance(trial.set.get(demo), &played)?;
     let scores = score(trial.playground, &played);
-    Ok(Outcome { scores, distance, curve: Vec::new(), policy: None, played: steps_of(&played) })
+    let played = steps_of(&played);
+    Ok(Outcome { scores, evaluated: None, distance, curve: Vec::new(), policy: None, played })
 }
 
 fn steps_of(played: &[Trajectory]) -> u64 {

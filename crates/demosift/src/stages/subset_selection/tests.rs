@@ -20,6 +20,7 @@ fn suitability(variant: usize, demo: usize, before: &[f64], after: &[f64]) -> Su
         after: vec![after.to_vec()],
         distances: Vec::new(),
         curves: Vec::new(),
+        evaluated: None,
     }
 }
 
