@@ -7,6 +7,8 @@ python3 docs/results/scale.py measure DEMOSIFT FOLDER NAME N ...  makes, inspect
 python3 docs/results/scale.py prior DEMOSIFT FOLDER N ...         learns a prior from free_throw_8 and judges sets of N copies of
                                                                   these throws from it, by the judge of the paper
 python3 docs/results/scale.py agree NAME RUN...                   keeps how well finished runs agree with the stages under NAME
+python3 docs/results/scale.py threads DEMOSIFT FOLDER N ...       judges martial_arts_10 by each judge on N threads, counts how many
+                                                                  of these are busy, and says how long as many cores would take
 python3 docs/results/scale.py                                     prints the tables and draws the figure from scale.json
 """
 
@@ -14,6 +16,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -138,6 +141,42 @@ def judge_from_prior(binary, folder, counts):
         keep("prior", f"n_{count}", {**found, "agreement": round(spearman(gains, truth), 4)})
 
 
+def count_threads(binary, folder, numbers):
+    """Threads that could run are counted fifty times a second. While b threads could run on c cores, these did min(b, c) seconds
+    of work a second, which b cores would do in min(b, c) / b of the time: so a clock is simulated where cores are fewer."""
+    folder.mkdir(parents=True, exist_ok=True)
+    cores = os.cpu_count()
+    for judge in ("cloning", "paper"):
+        for threads in numbers:
+            out = folder / f"{judge}_{threads}"
+            judging = ["judge", str(set_of("martial_arts_10")), "--task", "martial_arts", "--judge", judge]
+            command = [binary, *judging, "--preset", "quick", "--threads", str(threads), "--out", str(out)]
+            process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+            counted, work, clock, last = [], 0.0, 0.0, time.monotonic()
+            while process.poll() is None:
+                time.sleep(0.02)
+                now = time.monotonic()
+                busy = busy_threads(process.pid)
+                if busy:
+                    done = min(busy, cores) * (now - last)
+                    counted.append(busy)
+                    work, clock = work + done, clock + done / busy
+                last = now
+            if process.returncode:
+                sys.exit(f"{' '.join(command)} failed")
+            keep("threads", f"{judge}_{threads}", {"busy": round(mean(counted), 2), "work": round(work, 1), "clock": round(clock, 1)})
+
+
+def busy_threads(pid):
+    states = []
+    for stat in Path(f"/proc/{pid}/task").glob("*/stat"):
+        try:
+            states.append(stat.read_text().rsplit(")", 1)[1].split()[0])
+        except OSError:  # It has ended.
+            pass
+    return states.count("R")
+
+
 def agree(name, runs):
     """Of each run, by all repeats, by the first three and the first two of everybody alone, and by fewer episodes of these."""
     stages = stages_of(SOURCE)
@@ -207,6 +246,8 @@ if __name__ == "__main__":
             measure(binary, Path(folder), name, int(count), options)
         case ["prior", binary, folder, *counts]:
             judge_from_prior(binary, Path(folder), [int(count) for count in counts])
+        case ["threads", binary, folder, *numbers]:
+            count_threads(binary, Path(folder), [int(number) for number in numbers])
         case ["agree", name, *runs]:
             agree(name, runs)
         case []:

@@ -103,7 +103,7 @@ pub(crate) fn will_judge(judged: usize, all: usize) -> String {
 fn without_vote(opinion: &Opinion) -> Option<String> {
     let judge = in_words(opinion.judge);
     match opinion.vote {
-        Vote::Counts | Vote::Unrepeated => None,
+        Vote::Counts | Vote::Unrepeated | Vote::TooFewToTell => None,
         Vote::DisagreesWithItself => Some(format!(
             "No vote for {judge}: its repeats agree with each other no better than chance, so imitating by it taught the \
              agent nothing that can be told apart here."

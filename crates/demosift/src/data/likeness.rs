@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::data::demonstration::{Demonstration, DemonstrationSet};
+use crate::data::demonstration::{Demonstration, DemonstrationSet, Extent};
 use crate::data::observation_filter::ObservationFilter;
 use crate::math::rows::Rows;
 use crate::math::statistics;
@@ -18,6 +18,8 @@ use crate::math::statistics;
 pub struct TrainedOn {
     /// A summary of each, `[n][2 (obs + act)]`.
     summaries: Vec<Vec<f64>>,
+    /// Steps of the longest.
+    longest: usize,
 }
 
 /// How far a demonstration is from what a prior was trained on.
@@ -40,7 +42,13 @@ impl Likeness {
 impl TrainedOn {
     /// Sums up a set behind a filter.
     pub fn of(set: &DemonstrationSet, filter: &ObservationFilter) -> Self {
-        Self { summaries: set.iter().map(|(_, demonstration)| summary(demonstration, filter)).collect() }
+        let summaries = set.iter().map(|(_, demonstration)| summary(demonstration, filter)).collect();
+        Self { summaries, longest: set.extent().longest }
+    }
+
+    /// How large that set was.
+    pub fn extent(&self) -> Extent {
+        Extent { demonstrations: self.summaries.len(), longest: self.longest }
     }
 
     /// How like these another demonstration is, behind the same filter.

@@ -102,6 +102,8 @@ pub enum Vote {
     Counts,
     /// Nobody can know: each demonstration was imitated once.
     Unrepeated,
+    /// Nobody can know: of so few demonstrations, imitated so few times, even repeats that agree in everything may do so by chance.
+    TooFewToTell,
     /// Its repeats agree no better than chance.
     DisagreesWithItself,
     /// Imitating by it surely made the agent better for no demonstration.
@@ -251,7 +253,7 @@ pub fn panel(found: &[Found<'_>], k: usize, seed: &Seed) -> Result<Panel> {
 impl Vote {
     /// Whether the judge may decide.
     pub fn counts(self) -> bool {
-        matches!(self, Self::Counts | Self::Unrepeated)
+        matches!(self, Self::Counts | Self::Unrepeated | Self::TooFewToTell)
     }
 }
 
@@ -282,6 +284,8 @@ fn opinion(found: &Found<'_>, seed: &Seed) -> Result<Opinion> {
         .is_some_and(|agreement| is_more_than_chance(agreement, &repeats, seed.of("chance")));
     let vote = match (is_more_than_chance, helps) {
         _ if repeats.len() < 2 => Vote::Unrepeated,
+        (_, true) if !can_be_more_than_chance(&repeats) => Vote::TooFewToTell,
+        (_, false) if !can_be_more_than_chance(&repeats) => Vote::TaughtNothing,
         (false, _) => Vote::DisagreesWithItself,
         (true, false) => Vote::TaughtNothing,
         (true, true) => Vote::Counts,
@@ -326,6 +330,12 @@ fn agreement_of(repeats: &[Vec<f64>]) -> Option<f64> {
 /// How often the repeats are shuffled, and up to which share of these may agree as well.
 const SHUFFLES: usize = 999;
 const CHANCE: f64 = 0.05;
+
+/// Whether the test below can find anything: repeats that agree in everything do so by chance in one of (n!)^(repeats − 1) cases.
+fn can_be_more_than_chance(repeats: &[Vec<f64>]) -> bool {
+    let orders: f64 = (1..=repeats[0].len()).map(|place| place as f64).product();
+    orders.powi(repeats.len() as i32 - 1).recip() <= CHANCE
+}
 
 /// A permutation test: who was imitated is shuffled in every repeat, each by itself.
 fn is_more_than_chance(agreement: f64, repeats: &[Vec<f64>], seed: Seed) -> bool {
@@ -414,6 +424,22 @@ mod tests {
         assert_eq!(judged(&good, &chance).decides, Judges::Cloning);
         assert_eq!(judged(&good, &chance).together, None);
         assert_eq!(judged(&chance, &chance).decides, Judges::Cloning, "somebody must");
+    }
+
+    /// Repeats of two demonstrations agree by chance too often to tell anything, which is no reason to hear the other judge alone.
+    #[test]
+    fn of_too_few_demonstrations_no_agreement_is_asked() {
+        let vote = |worth: &[f64], repeats| {
+            let clear = table(worth, 0.01, repeats, 1);
+            judged(&clear, &clear).of(Judge::Cloning).map(|opinion| opinion.vote)
+        };
+        assert_eq!(vote(&[1.0, 2.0], 4), Some(Vote::TooFewToTell), "by chance in one of eight cases");
+        assert_eq!(vote(&[1.0, 2.0], 6), Some(Vote::Counts), "in one of 32");
+        assert_eq!(vote(&[1.0, 2.0, 3.0], 2), Some(Vote::TooFewToTell), "in one of six");
+        assert_eq!(vote(&[1.0, 2.0, 3.0], 3), Some(Vote::Counts), "in one of 36");
+        assert_eq!(vote(&[-1.0, -2.0], 4), Some(Vote::TaughtNothing));
+        let (clear, once) = (table(&[1.0, 2.0], 0.01, 4, 1), table(&[0.2, 0.1], 0.01, 1, 2));
+        assert_eq!(judged(&clear, &once).decides, Judges::Both);
     }
 
     #[test]

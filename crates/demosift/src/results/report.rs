@@ -188,9 +188,9 @@ pub struct AdaptationCurve {
     pub demo: DemoId,
     /// e_j.
     pub variant: EnvVariant,
-    /// Mean K of the agent that these curves start from, as it was evaluated.
+    /// Mean K of the agent that these curves start from, as it was scored.
     pub before: Score,
-    /// Mean K of what came out, as it was evaluated.
+    /// Mean K after imitating, as it was scored.
     pub after: Score,
     /// The heuristic of what was played before each update, `[iterations]`; empty where nothing was played.
     pub score: Vec<Band>,

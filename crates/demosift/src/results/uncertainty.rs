@@ -6,7 +6,7 @@
 //!
 //! | what varies | what is exchangeable | how it is drawn |
 //! |---|---|---|
-//! | evaluation episodes | the M evaluation seeds of a variant | bootstrap: M of them with replacement, the same for all demonstrations and for the agent before, so that luck in a reset falls on all alike |
+//! | evaluation episodes, or batches | the M evaluation seeds of a variant | bootstrap: M of them with replacement, the same for all demonstrations and for the agent before, so that luck in a reset falls on all alike; widened as Student's t with M − 1 degrees of freedom is, since few of them do not tell their own spread |
 //! | adaptations, the larger noise | the repeats of one demonstration under one variant | Student's t with the spread of the repeats, for each demonstration by itself |
 //!
 //! Variants are the ones that the task has, and not a sample, so they are never drawn.
@@ -27,7 +27,7 @@ pub use chances::Chances;
 
 use std::collections::BTreeMap;
 
-use rand_distr::{Distribution, StudentT};
+use rand_distr::{ChiSquared, Distribution, StudentT};
 use serde::{Deserialize, Serialize};
 
 use crate::basics::error::{Error, Result};
@@ -420,8 +420,10 @@ fn draw(
     for draw in &mut draws {
         for variant in 0..variants {
             let picks = resample(evaluations, &mut rng);
+            let unknown_spread = widening(evaluations, &mut rng)?;
             for (judged, score) in judged.iter().zip(draw.iter_mut()) {
-                *score += deviation(&judged.variants[variant].gains, &picks) / variants as f64;
+                let deviation = deviation(&judged.variants[variant].gains, &picks);
+                *score += unknown_spread * deviation / variants as f64;
             }
         }
     }
@@ -435,6 +437,19 @@ fn draw(
 fn deviation(gains: &[Score], picks: &[usize]) -> f64 {
     let count = gains.len() as f64;
     (mean_at(gains, picks) - mean(gains)) * (count / (count - 1.0).max(1.0)).sqrt()
+}
+
+/// √((M − 1)/χ²) with M − 1 degrees of freedom, one factor for all demonstrations of a draw: by it a normal deviation becomes one of
+/// Student's t, since the spread of M episodes is itself only known from these. Where there is one, nothing is drawn.
+fn widening(evaluations: usize, rng: &mut Rng) -> Result<f64> {
+    if evaluations < 2 {
+        return Ok(1.0);
+    }
+    let freedom = (evaluations - 1) as f64;
+    let chi_squared = ChiSquared::new(freedom).map_err(|error| {
+        Error::bad_config(format!("{freedom} degrees of freedom of the evaluations: {error}"))
+    })?;
+    Ok((freedom / chi_squared.sample(rng)).sqrt())
 }
 
 /// Adds what other adaptations would have changed, by Student's t for each demonstration; nothing where all were imitated

@@ -133,7 +133,22 @@ pub struct DemonstrationSet {
     ids: Vec<DemoId>,
 }
 
+/// How large a set is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Extent {
+    /// How many demonstrations.
+    pub demonstrations: usize,
+    /// Steps of the longest.
+    pub longest: usize,
+}
+
 impl DemonstrationSet {
+    /// How large it is.
+    pub fn extent(&self) -> Extent {
+        let longest = self.iter().map(|(_, demonstration)| demonstration.steps()).max().unwrap_or(0);
+        Extent { demonstrations: self.len(), longest }
+    }
+
     /// Checks that the demonstrations fit each other.
     pub fn new(demonstrations: Vec<Demonstration>) -> Result<Self> {
         let ids = (0..demonstrations.len()).map(DemoId).collect();

@@ -20,8 +20,15 @@ fn table(after: &[Vec<Vec<f64>>]) -> ScoreTable {
 /// Where the noise of a synthetic judgment comes from, as standard deviations.
 struct Noise {
     repeat: f64,
+    /// Luck of an evaluation seed that falls on all demonstrations alike.
     episode_of_all: f64,
+    /// Luck of a seed with one demonstration, the same in each of its repeats.
+    episode_of_demo: f64,
     episode_of_one: f64,
+}
+
+impl Noise {
+    const NONE: Self = Self { repeat: 0.0, episode_of_all: 0.0, episode_of_demo: 0.0, episode_of_one: 0.0 };
 }
 
 /// How often each demonstration is adapted to, and on how many episodes each time.
@@ -43,9 +50,10 @@ fn synthetic(truth: &[f64], sizes: Sizes, noise: &Noise, seed: Seed) -> ScoreTab
     let mut after = Vec::new();
     for &truth in truth {
         let mut of_demo = Vec::new();
+        let luck: Vec<f64> = of_all.iter().map(|all| all + noise.episode_of_demo * normal()).collect();
         for _ in 0..repeats {
             let center = truth + noise.repeat * normal();
-            of_demo.push(of_all.iter().map(|all| center + all + noise.episode_of_one * normal()).collect());
+            of_demo.push(luck.iter().map(|luck| center + luck + noise.episode_of_one * normal()).collect());
         }
         after.push(of_demo);
     }
@@ -70,18 +78,25 @@ fn coverage(sizes: Sizes, noise: &Noise) -> f64 {
 fn intervals_hold_the_truth_as_often_as_they_say() {
     // The presets' sizes, with adaptations the larger noise.
     for sizes in [sized(2, 20), sized(2, 5), sized(4, 50)] {
-        let noise = Noise { repeat: 0.3, episode_of_all: 0.0, episode_of_one: 0.3 };
+        let noise = Noise { repeat: 0.3, episode_of_one: 0.3, ..Noise::NONE };
         let held = coverage(sizes, &noise);
         assert!((0.87..0.96).contains(&held), "{sizes:?}: {held}");
     }
     // Luck in a reset that falls on all alike, which paired differences are free of, still counts in each score.
-    let held = coverage(sized(3, 20), &Noise { repeat: 0.01, episode_of_all: 0.5, episode_of_one: 0.1 });
+    let held = coverage(
+        sized(3, 20),
+        &Noise { repeat: 0.01, episode_of_all: 0.5, episode_of_one: 0.1, ..Noise::NONE },
+    );
     assert!((0.85..0.96).contains(&held), "{held}");
+    // Of five episodes luck that a demonstration has with a seed in every repeat is what counts most.
+    let luck = Noise { repeat: 0.1, episode_of_demo: 0.5, episode_of_one: 0.1, ..Noise::NONE };
+    let held = coverage(sized(6, 5), &luck);
+    assert!((0.87..0.96).contains(&held), "{held}");
 }
 
 #[test]
 fn one_repeat_is_said_to_be_too_narrow_and_is() {
-    let noise = Noise { repeat: 0.3, episode_of_all: 0.0, episode_of_one: 0.3 };
+    let noise = Noise { repeat: 0.3, episode_of_one: 0.3, ..Noise::NONE };
     assert!(coverage(sized(1, 20), &noise) < 0.5);
     let judge = |sizes| {
         let table = synthetic(&[0.0, 1.0], sizes, &noise, Seed::new(1));
@@ -95,21 +110,25 @@ fn one_repeat_is_said_to_be_too_narrow_and_is() {
     assert!(!twice.too_narrow && twice.caveat().is_none());
 }
 
-/// All 27 ways to pick three of three evaluation seeds, each as probable, by brute force.
+/// All 27 ways to pick three of three evaluation seeds, each as probable, by brute force, and each with two hundred widenings: χ² of
+/// two degrees of freedom is −2 ln u of a uniform u.
 #[test]
 fn top_k_probabilities_are_those_of_exact_enumeration() {
     let gains = [[0.0, 3.0, 1.0], [2.0, 0.5, 1.2], [0.9, 1.1, 1.4]];
     let mut exact = [[0.0; 3]; 3];
-    for pick in 0..27 {
+    for case in 0..27 * 200 {
+        let pick = case % 27;
+        let uniform = (f64::from(case as u32 / 27) + 0.5) / 200.0;
+        let widening = (-uniform.ln()).powf(-0.5);
         let picks = [pick % 3, pick / 3 % 3, pick / 9];
         let drawn = gains.map(|of_demo| {
             let center = of_demo.iter().sum::<f64>() / 3.0;
             let picked = picks.iter().map(|&index| of_demo[index]).sum::<f64>() / 3.0;
-            center + (picked - center) * 1.5_f64.sqrt()
+            center + widening * (picked - center) * 1.5_f64.sqrt()
         });
         for (demo, score) in drawn.iter().enumerate() {
             let above = drawn.iter().filter(|other| *other > score).count();
-            (above..3).for_each(|place| exact[demo][place] += 1.0 / 27.0);
+            (above..3).for_each(|place| exact[demo][place] += 1.0 / (27.0 * 200.0));
         }
     }
     let table = table(&gains.map(|of_demo| vec![of_demo.to_vec()]));
@@ -137,7 +156,7 @@ fn the_probability_to_be_best_is_that_of_the_closed_form() {
 
 #[test]
 fn the_order_of_demonstrations_does_not_count_and_the_seed_does() {
-    let noise = Noise { repeat: 0.3, episode_of_all: 0.2, episode_of_one: 0.3 };
+    let noise = Noise { repeat: 0.3, episode_of_all: 0.2, episode_of_one: 0.3, ..Noise::NONE };
     let table = synthetic(&[0.3, 0.1, 0.2, 0.25], sized(2, 6), &noise, Seed::new(3));
     let found = uncertainty(&table, &Resampling::default(), &Seed::new(7)).unwrap();
     assert_eq!(uncertainty(&table, &Resampling::default(), &Seed::new(7)).unwrap(), found);
@@ -158,8 +177,9 @@ fn the_order_of_demonstrations_does_not_count_and_the_seed_does() {
 
 #[test]
 fn the_same_demonstration_twice_shares_its_places() {
-    let scores = vec![vec![1.0, 2.0], vec![3.0, 2.5]];
-    let table = table(&[scores.clone(), scores, vec![vec![-9.0, -9.5], vec![-9.2, -9.1]]]);
+    let scores = vec![vec![1.0, 2.0, 1.5, 1.2, 1.8, 1.6], vec![3.0, 2.5, 2.6, 2.9, 2.7, 2.8]];
+    let bad = vec![vec![-9.0, -9.5, -9.1, -9.2, -9.3, -9.4], vec![-9.2, -9.1, -9.0, -9.3, -9.4, -9.2]];
+    let table = table(&[scores.clone(), scores, bad]);
     let found = uncertainty(&table, &Resampling::default(), &Seed::new(1)).unwrap();
     assert_eq!(found.of(DemoId(0)).unwrap().top.at(1).unwrap(), 0.5);
     let top = &found.of(DemoId(1)).unwrap().top;
@@ -169,7 +189,7 @@ fn the_same_demonstration_twice_shares_its_places() {
 
 #[test]
 fn the_order_is_that_of_the_ranking_and_the_sums_are_right() {
-    let noise = Noise { repeat: 0.3, episode_of_all: 0.0, episode_of_one: 0.3 };
+    let noise = Noise { repeat: 0.3, episode_of_one: 0.3, ..Noise::NONE };
     let mut table = synthetic(&[0.3, 0.1, 0.2, 0.3], sized(2, 6), &noise, Seed::new(3));
     let mut other = synthetic(&[0.1, 0.5, 0.2, 0.0], sized(2, 6), &noise, Seed::new(4));
     other.suitabilities.iter_mut().for_each(|suitability| suitability.variant = EnvVariant(1));
@@ -226,7 +246,7 @@ fn a_large_set_is_drawn_less_often_and_never_less_than_a_thousand_times() {
 #[test]
 fn a_group_holds_what_cannot_be_told_from_its_leader() {
     let truth = [1.2, 0.9, 0.6, 0.3, 0.0];
-    let noise = Noise { repeat: 0.2, episode_of_all: 0.5, episode_of_one: 0.0 };
+    let noise = Noise { repeat: 0.2, episode_of_all: 0.5, ..Noise::NONE };
     let mut sizes = vec![0; 5];
     let mut wrong = 0;
     for index in 0..100 {
@@ -243,12 +263,12 @@ fn a_group_holds_what_cannot_be_told_from_its_leader() {
     }
     // Episodes that are lucky for all alike do not blur the differences: never is all one group.
     assert_eq!(sizes[0], 0, "{sizes:?}");
-    assert!(sizes[4] < 5 && sizes[1] + sizes[2] > 80, "{sizes:?}");
+    assert!(sizes[4] < 5 && sizes[1] + sizes[2] > 70, "{sizes:?}");
     assert!(wrong <= 10, "{wrong}");
 }
 
 fn kept(truth: &[f64], noise: f64) -> Vec<usize> {
-    let noise = Noise { repeat: noise, episode_of_all: 0.0, episode_of_one: noise };
+    let noise = Noise { repeat: noise, episode_of_one: noise, ..Noise::NONE };
     let table = synthetic(truth, sized(2, 20), &noise, Seed::new(2));
     let found = uncertainty(&table, &Resampling::default(), &Seed::new(2)).unwrap();
     let mut kept: Vec<usize> = found.worth_keeping().iter().map(|demo| demo.0).collect();

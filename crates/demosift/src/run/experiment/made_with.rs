@@ -8,8 +8,10 @@ use std::borrow::Cow;
 use super::{Config, Run, near_cut, sparing};
 use crate::basics::error::Result;
 use crate::basics::seed::Seed;
-use crate::data::demonstration::DemonstrationSet;
+use crate::data::demonstration::{DemonstrationSet, Extent};
+use crate::data::likeness::TrainedOn;
 use crate::learning::adapt::{InnerUpdate, Rule};
+use crate::results::artifact::Artifact as _;
 use crate::results::panel::Judge;
 use crate::results::report;
 use crate::stages::judge::{self, Judging};
@@ -89,6 +91,14 @@ pub(crate) struct JudgedBy<'a> {
     pub(crate) starts_anew: bool,
 }
 
+/// How large the set is beside which scores are to stand: that of the prior's first run, where a prior was given, so that new
+/// demonstrations are imitated as long and as often as those; else the set itself, which the prior is then of.
+fn extent_beside(run: &Run<'_>) -> Extent {
+    // What is wrong with the file is told by those who cannot do without it.
+    let of_prior = TrainedOn::recall(run.ledger, "").ok().flatten();
+    of_prior.map_or_else(|| run.set.extent(), |trained_on| trained_on.extent())
+}
+
 /// That of the paper makes as many updates as its method's budget pays for.
 pub(crate) fn judged_by<'a>(run: &Run<'a>, judge: Judge) -> JudgedBy<'a> {
     let config = run.config;
@@ -96,7 +106,7 @@ pub(crate) fn judged_by<'a>(run: &Run<'a>, judge: Judge) -> JudgedBy<'a> {
     match judge {
         Judge::Cloning => JudgedBy {
             demonstrations,
-            judging: sparing::judging(&config.cloning_judge, run.set),
+            judging: sparing::judging(&config.cloning_judge, extent_beside(run)),
             inner: Some(Cow::Owned(cloning_update(config))),
             starts_anew: true,
         },

@@ -74,7 +74,7 @@ fn make_share(run: &mut Run<'_>, repeats: usize, randoms: Option<Randoms>) -> Re
     for piece in &pieces {
         let name = match piece {
             Piece::Alone(OracleTraining { demo, repeat }) => oracle_part(*demo, *repeat),
-            Piece::Random { number, .. } => random_part(*number),
+            Piece::Random { size, number } => random_part(*size, *number),
         };
         left += usize::from(LearningCurve::recall(run.ledger, &name)?.is_none());
     }
@@ -126,10 +126,10 @@ pub fn random_subset(run: &mut Run<'_>, size: usize, number: usize) -> Result<Le
     use rand::seq::IndexedRandom;
     let mut rng = Seed::new(run.config.seed).of("random_subset").at(number).into_rng();
     let demos: Vec<DemoId> = run.set.ids().sample(&mut rng, size).copied().collect();
-    learning_curve(run, &random_part(number), &demos)
+    learning_curve(run, &random_part(size, number), &demos)
 }
 
-/// Under which name the imitations of random subsets are stored.
-pub(crate) fn random_part(number: usize) -> String {
-    format!("random_{number}")
+/// Under which name the imitations of random subsets are stored: another `--keep` asks for subsets of another size.
+pub(crate) fn random_part(size: usize, number: usize) -> String {
+    format!("random_{size}_{number}")
 }

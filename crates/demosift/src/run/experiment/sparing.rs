@@ -3,7 +3,7 @@
 //! Both rules are measured in `docs/results/scale.md`.
 
 use super::CloningJudge;
-use crate::data::demonstration::DemonstrationSet;
+use crate::data::demonstration::Extent;
 use crate::stages::judge::Judging;
 
 /// Up to so many demonstrations each is judged as it is configured, unless the configuration says another number.
@@ -20,14 +20,13 @@ const LEAST_REPEATS: usize = 3;
 /// Short recordings are learned by heart long before the updates are over that long ones need.
 const PASSES: usize = 600;
 
-/// How a set is judged by cloning; as it is configured, where it is small.
-pub(super) fn judging(by: &CloningJudge, set: &DemonstrationSet) -> Judging {
+/// How a set of this extent is judged by cloning; as it is configured, where it is small.
+pub(super) fn judging(by: &CloningJudge, Extent { demonstrations, longest }: Extent) -> Judging {
     let as_configured = by.judging.clone();
-    if set.len() <= by.full_effort_up_to {
+    if demonstrations <= by.full_effort_up_to {
         return as_configured;
     }
     let Judging { iterations, averaged, repeats, .. } = as_configured;
-    let longest = set.iter().map(|(_, demonstration)| demonstration.steps()).max().unwrap_or(1);
     let pairs_an_update = (by.cloning.steps * by.cloning.batch.min(longest)).max(1);
     let enough = (PASSES * longest).div_ceil(pairs_an_update).max(1);
     let fewer = repeats.div_ceil(2).max(LEAST_REPEATS).min(repeats);
@@ -38,33 +37,26 @@ pub(super) fn judging(by: &CloningJudge, set: &DemonstrationSet) -> Judging {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::data::demonstration::Demonstration;
-    use crate::math::rows::Rows;
     use crate::run::preset::Preset;
 
-    fn set(demonstrations: usize, steps: usize) -> DemonstrationSet {
-        let rows = || Rows::from_flat(vec![0.5; steps], 1).expect("whole rows");
-        let one = || Demonstration::new(rows(), rows()).expect("finite");
-        DemonstrationSet::new((0..demonstrations).map(|_| one()).collect()).expect("alike")
+    fn set(demonstrations: usize, longest: usize) -> Extent {
+        Extent { demonstrations, longest }
     }
 
     #[test]
     fn a_small_set_is_judged_as_configured_and_a_large_one_with_fewer_repeats_and_passes() {
         let by = Preset::Quick.config().cloning_judge;
-        assert_eq!(judging(&by, &set(100, 60)), by.judging);
+        assert_eq!(judging(&by, set(100, 60)), by.judging);
         // 600 passes over 60 pairs, all in one batch, are 600 steps, and an update takes 20.
         let sparing = Judging { iterations: 30, ..by.judging.clone() };
-        assert_eq!(judging(&by, &set(101, 60)), sparing);
+        assert_eq!(judging(&by, set(101, 60)), sparing);
         // 200 pairs are two batches, and of a thousand 100 updates make 200 passes.
-        assert_eq!(judging(&by, &set(101, 200)).iterations, 60);
-        assert_eq!(judging(&by, &set(101, 1000)).iterations, by.judging.iterations);
-        assert_eq!(
-            judging(&CloningJudge { full_effort_up_to: 101, ..by.clone() }, &set(101, 60)),
-            by.judging
-        );
+        assert_eq!(judging(&by, set(101, 200)).iterations, 60);
+        assert_eq!(judging(&by, set(101, 1000)).iterations, by.judging.iterations);
+        assert_eq!(judging(&CloningJudge { full_effort_up_to: 101, ..by.clone() }, set(101, 60)), by.judging);
         let repeats = |repeats| {
             let asked = Judging { repeats, ..by.judging.clone() };
-            judging(&CloningJudge { judging: asked, ..by.clone() }, &set(101, 60)).repeats
+            judging(&CloningJudge { judging: asked, ..by.clone() }, set(101, 60)).repeats
         };
         assert_eq!([1, 2, 3, 6, 10].map(repeats), [1, 2, 3, 3, 5]);
     }
@@ -73,7 +65,7 @@ mod tests {
     fn no_more_updates_are_averaged_than_are_made() {
         let mut by = Preset::Quick.config().cloning_judge;
         by.cloning.steps = 200;
-        let sparing = judging(&by, &set(101, 60));
+        let sparing = judging(&by, set(101, 60));
         assert_eq!((sparing.iterations, sparing.averaged), (3, 3));
     }
 }

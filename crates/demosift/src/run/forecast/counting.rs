@@ -126,7 +126,7 @@ pub fn planned(run: &Run<'_>, goal: Goal<'_>) -> Result<Vec<Planned>> {
             stages.extend(together("oracle", alone));
             let kept = experiment::policy_from_kept(run, 0)?.map_or(1, |curve| curve.demos.len());
             let random =
-                (0..random).map(|number| imitation(run, &experiment::random_part(number), None, kept));
+                (0..random).map(|number| imitation(run, &experiment::random_part(kept, number), None, kept));
             let random = random.collect::<Result<Vec<_>>>()?;
             stages.extend(together("random_subsets", random.into_iter().flatten().collect()));
         }

@@ -37,6 +37,7 @@ impl Fingerprint {
 
 const NEAR: &str = "near_cut";
 const PORTABLE: &str = "portable";
+const SCORED_ON: &str = "scored_on";
 /// No study asks somebody else's trainer to judge.
 const TRAINER_JUDGE: &str = "trainer_judge";
 
@@ -50,15 +51,19 @@ pub fn hash_of_entering(work: &Work, config: &Config) -> String {
     for (table, key, before) in values_before_they_were_there() {
         take_out(&mut values, table, key, |value| *value == before);
     }
+    let plays_batches_that_score =
+        !matches!(work, Work::Weighing { .. }) && !config.judge.scoring_batches(&config.inner).is_empty();
+    take_out(&mut values, "/judge", SCORED_ON, |_| !plays_batches_that_score);
     files::sha256_of(values.to_string().as_bytes())
 }
 
 /// Values that there were not always, by their table and name: cells of before are still right where they change nothing of them.
-fn values_before_they_were_there() -> [(&'static str, &'static str, Value); 5] {
+fn values_before_they_were_there() -> [(&'static str, &'static str, Value); 6] {
     [
         ("", NEAR, Value::from(NEAR_CUT)),
         ("", PORTABLE, Value::from(false)),
         ("/cloning_judge", "full_effort_up_to", Value::from(FULL_EFFORT_UP_TO)),
+        ("/cloning_judge/judging", SCORED_ON, Value::from("evaluations")),
         ("/inner/discriminator", "most_told", Value::from(1.0)),
         ("/imitate/update/discriminator", "most_told", Value::from(1.0)),
     ]
@@ -93,8 +98,30 @@ fn enters(work: &Work, judges: Judges, key: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::learning::adapt::{InnerUpdate, Rule};
     use crate::run::experiment::TrainerJudge;
     use crate::run::preset::Preset;
+    use crate::stages::judge::{Judging, ScoredOn};
+
+    /// What scores enters where batches do, and nowhere else: cells of before stay right where they are scored as then.
+    #[test]
+    fn what_scores_enters_where_batches_do() {
+        let (set, method) = ("set".to_owned(), "method".to_owned());
+        let judging = Work::Judging { set: set.clone(), method: method.clone(), seed: 0 };
+        let weighing = Work::Weighing { set, method, seed: 0 };
+        let by = |judges, imitation| {
+            let config = Preset::Quick.config();
+            Config { judges, inner: InnerUpdate { imitation, ..config.inner.clone() }, ..config }
+        };
+        let differs = |work: &Work, config: &Config| {
+            let judge = Judging { scored_on: ScoredOn::Evaluations, ..config.judge.clone() };
+            hash_of_entering(work, config) != hash_of_entering(work, &Config { judge, ..config.clone() })
+        };
+        assert!(differs(&judging, &by(Judges::Paper, Rule::Gail)));
+        assert!(!differs(&judging, &by(Judges::Paper, Rule::BehavioralCloning)));
+        assert!(!differs(&judging, &by(Judges::Cloning, Rule::Gail)));
+        assert!(!differs(&weighing, &by(Judges::Paper, Rule::Gail)));
+    }
 
     /// Cells of before a trainer could judge stay right, whatever is said of it.
     #[test]

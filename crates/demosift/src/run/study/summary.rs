@@ -279,13 +279,16 @@ fn regret(study: &Study, set: &Set, finished: &Finished) -> Vec<RegretSummary> {
             alone.iter().copied().fold(f64::NEG_INFINITY, f64::max) - statistics::mean(&alone)
         });
         // End scores by seed; only whole rows are compared, so that the same seeds stand on both sides.
+        let end =
+            |demos: &[DemoId], seed| Some(finished.training(&set.name, demos, *imitator, seed)?.end.score);
         let trained = |demos: &[DemoId]| {
-            let end = |seed| Some(finished.training(&set.name, demos, *imitator, seed)?.end.score);
-            regret.trainings.each().map(end).collect::<Option<Vec<f64>>>()
+            regret.trainings.each().map(|seed| end(demos, seed)).collect::<Option<Vec<f64>>>()
         };
         for k in TopK::all_of(&regret.at, set.demonstrations) {
-            let best = study.truly_best(set, *imitator, k, finished);
-            let Some(best) = best.and_then(|demos| trained(&demos)) else { continue };
+            let best = |seed| end(&study.truly_best_without(seed, set, *imitator, k, finished)?, seed);
+            let Some(best) = regret.trainings.each().map(best).collect::<Option<Vec<f64>>>() else {
+                continue;
+            };
             for method in &study.methods {
                 let judged = set.seeds.each().filter_map(|seed| study.scores(set, method, seed, finished));
                 let lost = |scores: Vec<Score>| {

@@ -234,6 +234,20 @@ fn regret_waits_for_the_policies_of_all_seeds() {
     assert!(rows(&finished).contains(&"paper".to_owned()));
 }
 
+/// The first demonstration is the best by one lucky training, which must not say what it is worth as well.
+#[test]
+fn the_truly_best_one_is_chosen_by_other_trainings_than_the_one_that_scores_it() {
+    let (study, mut finished) = (study(), Finished::default());
+    for (demo, ends) in [[9.0, 0.0], [4.0, 4.0], [1.0, 1.0], [2.0, 2.0]].into_iter().enumerate() {
+        (0..2).for_each(|seed| finished.add(trained(&[demo], seed, ends[seed as usize])));
+    }
+    let (set, imitator) = (&study.sets[0], study.oracle[0]);
+    let best = |k, seed| study.truly_best_without(seed, set, imitator, k, &finished);
+    assert_eq!([0, 1].map(|seed| best(1, seed)), [Some(vec![DemoId(1)]), Some(vec![DemoId(0)])]);
+    assert_eq!(best(1, 7), Some(vec![DemoId(0)]), "a training that is none of the oracle's");
+    assert_eq!(best(2, 0), Some(vec![DemoId(0), DemoId(1)]), "trainings on two choose nothing");
+}
+
 #[test]
 fn regret_is_the_mean_over_paired_trainings() {
     let (study, mut finished) = (study(), finished());
@@ -246,9 +260,10 @@ fn regret_is_the_mean_over_paired_trainings() {
         let of = |row: &&summary::RegretSummary| (row.k, row.method.as_str()) == (k, method);
         summary.sets[0].regret.iter().find(of).expect("a row")
     };
-    // Alone: 1, 2.5, 3 and 4.5, so the best is 1.75 above their mean; the paper's first are 3, 3 and 0.
-    close(find(1, "paper").regret.mean, (4.5 - 1.0) / 3.0);
-    close(find(1, "paper").share.expect("an oracle").mean, 3.5 / 3.0 / 1.75);
+    // Each training finds the other's best one, with 3 and 2; the paper's first are 3, 3 and 0, with 4.5 and 1 in the mean.
+    close(find(1, "paper").regret.mean, ((2.5 - 4.5) + (2.5 - 4.5) + (2.5 - 1.0)) / 3.0);
+    // Alone: 1, 2.5, 3 and 4.5, so the best is 1.75 above their mean.
+    close(find(1, "paper").share.expect("an oracle").mean, -2.5 / 3.0 / 1.75);
     close(find(2, "paper").regret.mean, ((6.0 - 6.0) + (6.0 - 4.5) + (6.0 - 1.0)) / 3.0);
     close(find(2, "cloning").regret.mean, 6.0 - 1.0);
     let costs = &summary.sets[0].costs;

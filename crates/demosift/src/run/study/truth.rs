@@ -115,6 +115,27 @@ fn mean_of<'s>(seeds: impl Iterator<Item = &'s Vec<Score>> + Clone) -> Vec<Score
 }
 
 impl Study {
+    /// The same, where one training of theirs is to say what they are worth: a single demonstration is then chosen by the others, or
+    /// the luck by which it was chosen would count as worth. Trainings on several are none of the oracle's.
+    pub(super) fn truly_best_without(
+        &self,
+        seed: u64,
+        set: &Set,
+        imitator: Rule,
+        k: usize,
+        finished: &Finished,
+    ) -> Option<Vec<DemoId>> {
+        let best = self.truly_best(set, imitator, k, finished)?;
+        match (k, Truth::oracle(self, set, imitator, finished)) {
+            (1, Some(Truth::Oracle(seeds))) if seeds.len() > 1 => {
+                let left =
+                    set.oracle_seeds.each().position(|of| of == seed).filter(|left| *left < seeds.len());
+                Some(left.map_or(best, |left| top(&without(&seeds, left), k)))
+            }
+            _ => Some(best),
+        }
+    }
+
     /// The K best demonstrations for an imitator: by its own oracle once all of that is finished, or where it has none by the
     /// first thing that is known.
     pub(super) fn truly_best(

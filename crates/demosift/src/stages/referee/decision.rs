@@ -168,7 +168,7 @@ impl<'a> Field<'a> {
             let random = self.random(*of);
             !random.is_empty() && self.beats(*of, &random)
         });
-        let is_worse = |of: &usize| self.over(*of, best_whole).high(level) <= 0.0;
+        let is_worse = |of: &usize| self.over(*of, best_whole).high(level) < 0.0;
         let (conclusion, kept, winner) = match (self.best(&beat_both), self.best(&beat_whole)) {
             (Some(best), _) => (Conclusion::Helps, best, best),
             (None, Some(best)) => (Conclusion::FewerHelps, best, best),
