@@ -66,6 +66,26 @@ fn the_same_demonstrations_get_the_same_scores() {
     assert_eq!(judged("three.hdf5", "all", ""), judged("three.hdf5", "last", "--episodes 2"));
 }
 
+/// A large set is judged with fewer repeats, and so is whatever is to stand beside it.
+#[test]
+fn a_few_are_judged_as_the_large_set_was_of_the_prior() {
+    let scratch = scratch("prior-large");
+    scratch.succeed(
+        "sift set --task point_mass --config tiny.toml --out large --referee none --set cloning_judge.full_effort_up_to=3 \
+         --set cloning_judge.judging.repeats=4 --set cloning_judge.judging.most_repeats=0",
+    );
+    scratch.succeed("judge set --prior large --out few --episodes 0,1");
+    let after = |run: &str, demo: usize| {
+        let bytes = std::fs::read(scratch.0.join(format!("{run}/scores_cloning.json"))).unwrap();
+        let scores: Value = serde_json::from_slice(&bytes).unwrap();
+        scores["suitabilities"][demo]["after"].clone()
+    };
+    for demo in 0..2 {
+        assert_eq!(after("large", demo).as_array().unwrap().len(), 3, "fewer than the four of a small set");
+        assert_eq!(after("few", demo), after("large", demo));
+    }
+}
+
 #[test]
 fn what_does_not_fit_the_prior_is_one_error() {
     let scratch = scratch("prior-wrong");

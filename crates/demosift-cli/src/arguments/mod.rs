@@ -173,7 +173,7 @@ pub(crate) struct JobArguments {
 pub(crate) struct JudgeArguments {
     #[command(flatten)]
     pub(crate) job: JobArguments,
-    /// Judge from the prior of this earlier run, with its task and values, in seconds a demonstration: its folder; says where
+    /// Judge from the prior of this earlier run, which its judge of the paper has learned, with its task and values, in seconds a demonstration: its folder; says where
     /// each demonstration, of which one is enough, would stand in the ranking of that run
     #[arg(long, value_name = "RUN", conflicts_with_all = ["preset", "keep", "method", "referee"])]
     pub(crate) prior: Option<PathBuf>,

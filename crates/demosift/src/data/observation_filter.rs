@@ -7,12 +7,18 @@ use serde::{Deserialize, Serialize};
 
 use crate::math::rows::Rows;
 
-/// No spread below this counts: constant columns must not be blown up.
+/// No spread below this counts: columns that hardly change must not be blown up.
 const SMALLEST_STD: f64 = 1e-2;
+/// A column that changes by less than this share of its size, or of 1, is constant ...
+const CONSTANT: f64 = 1e-6;
+/// ... and is divided by so much that nothing of it is left: nobody can learn from demonstrations what another value of it means,
+/// and an agent that meets one would act on numbers far from all that it has seen.
+const LEAVES_OUT: f32 = 1e9;
 /// Normalized observations are clipped to this many standard deviations.
 pub(crate) const CLIP: f32 = 10.0;
 
-/// Subtracts a mean, divides by a standard deviation, clips; fixed once made.
+/// Subtracts a mean, divides by a standard deviation, clips; fixed once made. Columns that were constant are left out: 0, whatever
+/// their value.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ObservationFilter {
     mean: Vec<f32>,
@@ -90,10 +96,13 @@ impl Moments {
 
     /// The filter with these moments.
     pub fn filter(&self) -> ObservationFilter {
-        let spread = |squared: &f64| (squared / self.count.max(1.0)).sqrt() as f32;
+        let spread = |(squared, mean): (&f64, &f64)| {
+            let spread = (squared / self.count.max(1.0)).sqrt();
+            if spread <= CONSTANT * mean.abs().max(1.0) { LEAVES_OUT } else { spread as f32 }
+        };
         ObservationFilter::new(
             self.mean.iter().map(|mean| *mean as f32).collect(),
-            self.squared_deviation.iter().map(spread).collect(),
+            self.squared_deviation.iter().zip(&self.mean).map(spread).collect(),
         )
     }
 }
@@ -103,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn filtered_rows_have_zero_mean_and_unit_spread_and_constants_stay_small() {
+    fn filtered_rows_have_zero_mean_and_unit_spread_and_constants_are_left_out() {
         let mut rows = Rows::with_capacity(2, 4);
         for value in [1.0, 3.0, 5.0, 7.0] {
             rows.push(&[value, 4.0]);
@@ -115,5 +124,18 @@ mod tests {
         assert!((column.iter().sum::<f32>()).abs() < 1e-6);
         assert!((column.iter().map(|value| value * value).sum::<f32>() / 4.0 - 1.0).abs() < 1e-5);
         assert!(filtered.iter().all(|row| row[1] == 0.0));
+        // An agent may meet what no demonstration has.
+        let mut met = [0.0; 2];
+        moments.filter().apply(&[5.0, -300.0], &mut met);
+        assert!(met[0] > 0.1 && met[1].abs() < 1e-6, "{met:?}");
+    }
+
+    #[test]
+    fn a_column_that_hardly_changes_is_not_blown_up() {
+        let mut moments = Moments::default();
+        moments.add(&Rows::from_flat(vec![0.3, 0.301, 0.299, 0.3], 1).expect("whole rows"));
+        let mut met = [0.0];
+        moments.filter().apply(&[0.31], &mut met);
+        assert!((met[0] - 1.0).abs() < 1e-3, "a hundredth is one: {met:?}");
     }
 }

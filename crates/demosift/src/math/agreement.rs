@@ -58,7 +58,8 @@ pub fn hit_rate(ours: &[f64], reference: &[f64], k: usize) -> f64 {
 fn membership(values: &[f64], k: usize) -> Vec<f64> {
     let of = |Place { below, equal }: Place| {
         let above = values.len() - below - equal;
-        (k.saturating_sub(above) as f64 / equal as f64).min(1.0)
+        // What is not a number has no equal, and is not among the highest.
+        if equal == 0 { 0.0 } else { (k.saturating_sub(above) as f64 / equal as f64).min(1.0) }
     };
     places(values).into_iter().map(of).collect()
 }

@@ -16,7 +16,8 @@
 //! the batches that its last θ played before they were updated, or evaluation episodes of the mean of these θ
 //! ([`ScoredOn`]), since a single θ of one short adaptation is a noisy witness.
 //! Repeats go where they are needed: who surely belongs to one side of the cut gets no more of them (`race.rs`).
-//! θ may also be a policy that knows nothing, drawn again for each repeat; that is judging from scratch (§5.4).
+//! θ may also be a policy that knows nothing: one and the same where judging from scratch is a method of the paper (§5.4), and drawn
+//! again for each repeat where demonstrations are cloned.
 //! Somebody else's trainer may imitate in place of our updates ([`Imitating`]); its policies are played, and not kept.
 
 mod collecting;
@@ -119,7 +120,7 @@ impl Judging {
 pub enum Start<'a> {
     /// The meta-parameters, the same in every repeat.
     Prior(&'a MetaPrior),
-    /// A learner that knows nothing, another one in every repeat (§5.4); the same for all demonstrations.
+    /// A learner that knows nothing, another one in every repeat; the same for all demonstrations.
     Untrained {
         /// Of its policy.
         shape: &'a PolicyShape,

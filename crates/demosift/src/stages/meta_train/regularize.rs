@@ -88,7 +88,8 @@ pub(super) struct Report {
     pub(super) explained: f64,
     /// σ of Q, from the pairs that it was fitted to.
     pub(super) std: f64,
-    /// Mean KL divergence of θ''_i from θ'_i that the steps reached; 0 where Q explains nothing, since none is taken then.
+    /// Mean KL divergence of the policies with less noise that the steps reached, in units of the full noise, the part of their
+    /// standard deviations among it, which θ''_i does not take; 0 where Q explains nothing, since none is taken then.
     pub(super) kl: f64,
     /// Environment steps that were played for this.
     pub(super) environment_steps: usize,

@@ -76,6 +76,17 @@ fn each_conclusion_has_its_case() {
         "a good guess all the same"
     );
 
+    // Where nobody ever succeeds nothing was found out.
+    let nothing = said(&[0.0; 5], &[0.0; 5], &[0.0; 5]);
+    assert_eq!(
+        (nothing.conclusion, nothing.winner),
+        (Conclusion::CannotTell, Some(1)),
+        "{}",
+        nothing.sentence
+    );
+    let everything = said(&[1.0; 5], &[1.0; 5], &[1.0; 5]);
+    assert_eq!(everything.conclusion, Conclusion::CannotTell);
+
     let few = said(&HIGH[..2], &LOW[..2], &LOW[..2]);
     assert_eq!((few.conclusion, few.winner, few.compared), (Conclusion::NothingToCompare, Some(0), 0));
     assert!(few.sentence.starts_with("Too few trainings"), "{}", few.sentence);
