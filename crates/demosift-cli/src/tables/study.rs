@@ -156,8 +156,8 @@ fn regret(summary: &Summary) -> Section {
     }
     let below = "Regret is how much worse the policy from a judge's top K is at the end of its training than that from the \
                  truly best K, with the same trainings; lower is better. The share is of what the best demonstration alone \
-                 is above the mean of all alone. The best is found by trainings that are \
-                 counted here too, which makes every judge look a little worse than it is at K = 1.";
+                 is above the mean of all alone. At K = 1 the best is chosen by other \
+                 trainings of the oracle than the one that scores it, so a judge can do better than that choice.";
     Section {
         title: "What it costs to believe a judge:",
         header: words(&["set", "imitator", "K", "judge", "regret", "share", "seeds"]),

@@ -87,9 +87,9 @@ pub fn agent_episodes(
         });
         for (of, adapted) in both.filter(|(of, _)| of.variant == variant && demos.contains(&of.demo)) {
             if shown.last().is_none_or(|last: &Shown| last.variant != variant) {
-                shown.push(look.at(Moment::Before, start, of.evaluation_episodes().0[evaluation])?);
+                shown.push(look.at(Moment::Before, start, of.evaluated_before()[evaluation])?);
             }
-            let scored = of.evaluation_episodes().1[evaluation];
+            let scored = of.evaluated_after()[evaluation];
             shown.push(look.at(Moment::After(of.demo), &adapted.policy, scored)?);
         }
     }
@@ -100,9 +100,9 @@ pub fn agent_episodes(
 /// in all, the least away from the mean scores; the first of those alike.
 pub fn typical_evaluation(scores: &ScoreTable, variant: EnvVariant) -> usize {
     let under: Vec<_> = scores.of_variant(variant).collect();
-    let evaluations = under.first().map_or(0, |of| of.evaluation_episodes().0.len());
-    let before = |of: &Suitability, at: usize| (of.evaluation_episodes().0[at] - of.mean_before()).abs();
-    let after = |of: &Suitability, at: usize| (of.evaluation_episodes().1[at] - of.mean_after()).abs();
+    let evaluations = under.first().map_or(0, |of| of.evaluated_before().len());
+    let before = |of: &Suitability, at: usize| (of.evaluated_before()[at] - of.mean_before()).abs();
+    let after = |of: &Suitability, at: usize| (of.evaluated_after()[at] - of.mean_after()).abs();
     let away = |evaluation: usize| -> f64 {
         under.first().map_or(0.0, |of| before(of, evaluation))
             + under.iter().map(|of| after(of, evaluation)).sum::<f64>()

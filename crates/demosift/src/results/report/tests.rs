@@ -212,9 +212,8 @@ fn plays_again(scored_on: ScoredOn) {
                 let rollout = judge::replay(&playground, policy, &judging, variant, evaluation, seed);
                 rollout.expect("played").rollout.trajectory
             };
-            let (before, after) = of.evaluation_episodes();
-            assert_eq!(playground.score(&again(&prior.policy)), before[evaluation]);
-            assert_eq!(playground.score(&again(&adapted.policy)), after[evaluation]);
+            assert_eq!(playground.score(&again(&prior.policy)), of.evaluated_before()[evaluation]);
+            assert_eq!(playground.score(&again(&adapted.policy)), of.evaluated_after()[evaluation]);
         }
     }
     // There is nothing to draw of a point mass, yet all is played and compared.

@@ -82,15 +82,14 @@ impl Suitability {
         self.mean_after() - self.mean_before()
     }
 
-    /// K of the evaluation episodes of the first repeat, which can be played again.
-    pub fn evaluation_episodes(&self) -> (&[Score], &[Score]) {
-        match &self.evaluated {
-            Some(Evaluated { before, after }) => (before, after),
-            None => (
-                self.before.first().map_or(&[], Vec::as_slice),
-                self.after.first().map_or(&[], Vec::as_slice),
-            ),
-        }
+    /// K of the evaluation episodes before the first repeat, which can be played again.
+    pub fn evaluated_before(&self) -> &[Score] {
+        self.evaluated.as_ref().map_or_else(|| first(&self.before), |evaluated| &evaluated.before)
+    }
+
+    /// K of the evaluation episodes after the first repeat, which can be played again.
+    pub fn evaluated_after(&self) -> &[Score] {
+        self.evaluated.as_ref().map_or_else(|| first(&self.after), |evaluated| &evaluated.after)
     }
 
     /// Mean K before imitating.
@@ -102,6 +101,10 @@ impl Suitability {
     pub fn mean_after(&self) -> Score {
         mean_of_means(&self.after)
     }
+}
+
+fn first(repeats: &[Vec<Score>]) -> &[Score] {
+    repeats.first().map_or(&[], Vec::as_slice)
 }
 
 fn mean_of_means(scores: &[Vec<Score>]) -> Score {

@@ -285,7 +285,10 @@ fn algorithm_2_the_last_batches_score_where_they_are_asked_to() {
             let shapes =
                 [&of.before, &of.after].map(|scores| scores.iter().map(Vec::len).collect::<Vec<_>>());
             assert_eq!(shapes, [vec![2, 2], vec![2, 2]], "of each repeat two batches, before and after");
-            assert_eq!(of.evaluation_episodes(), (&other.before[0][..], &other.after[0][..]));
+            assert_eq!(
+                (of.evaluated_before(), of.evaluated_after()),
+                (&other.before[0][..], &other.after[0][..])
+            );
             assert_eq!((&of.distances, &of.curves), (&other.distances, &other.curves));
         }
         let task = trial.playground.specification();
