@@ -205,6 +205,56 @@ fn task_check_says_what_an_environment_is_and_whether_it_repeats() {
 }
 
 #[test]
+fn the_action_that_lies_beyond_its_bounds_is_named() {
+    let Some(env) = env("uneven") else { return };
+    let scratch = Scratch::new("gymnasium-uneven");
+    set_in_newtons(&scratch);
+    let shown = scratch.run(&format!("task check {env} --horizon 30 --data set")).stdout;
+    let shown = String::from_utf8_lossy(&shown).split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(shown.contains("lie beyond the bounds: action 0 is recorded from"), "{shown}");
+}
+
+/// A set of Minari with one episode of `Exact`, whose actions of 64 bits were multiplied by `factor` when they were recorded.
+fn exact_set(out: &std::path::Path, factor: f64) {
+    use hdf5_pure::{AttrValue, FileBuilder};
+    let actions: Vec<f64> = (0..60).map(|number| f64::from(number) / 30.0 - 0.9).collect();
+    let left_out = |action: &f64| ((action - f64::from(*action as f32)) * f64::from(1 << 25)) as f32;
+    let seen =
+        |pair: &[f64]| [left_out(&pair[0]), left_out(&pair[1]), left_out(&pair[0]), left_out(&pair[1])];
+    let observations: Vec<f32> = [0.0; 4].into_iter().chain(actions.chunks(2).flat_map(seen)).collect();
+    let recorded: Vec<f64> = actions.iter().map(|action| factor * action).collect();
+    let mut file = FileBuilder::new();
+    let mut group = file.create_group("episode_0");
+    group.set_attr("seed", AttrValue::U64(3));
+    group.create_dataset("observations").with_f32_data(&observations).with_shape(&[31, 4]);
+    group.create_dataset("actions").with_f64_data(&recorded).with_shape(&[30, 2]);
+    file.add_group(group.finish());
+    std::fs::create_dir_all(out.join("data")).unwrap();
+    std::fs::write(out.join("data/main_data.hdf5"), file.finish().unwrap()).unwrap();
+}
+
+#[test]
+fn recorded_actions_are_played_again_with_all_their_bits_and_as_the_set_file_says() {
+    let Some(env) = env("Exact") else { return };
+    let scratch = Scratch::new("gymnasium-exact");
+    exact_set(&scratch.0.join("exact"), 1.0);
+    // The unit of a policy: what it takes is half of what the environment does.
+    exact_set(&scratch.0.join("halved"), 0.5);
+    let check = |set: &str| {
+        let output = scratch.run(&format!("task check {env} --horizon 30 --data {set}"));
+        let shown = String::from_utf8_lossy(&output.stdout).split_whitespace().collect::<Vec<_>>().join(" ");
+        (shown, said(&output))
+    };
+    let (led, elsewhere) = ("lead where they led when they were recorded", "go elsewhere");
+    assert!(check("exact").0.contains(led), "{}", check("exact").0);
+    assert!(check("halved").0.contains(elsewhere), "{}", check("halved").0);
+    std::fs::write(scratch.0.join("halved/set.toml"), "[actions]\nunits = \"task\"\n").unwrap();
+    let (shown, said) = check("halved");
+    assert!(shown.contains(led), "{shown}");
+    assert!(said.contains("the numbers of the set are read as") && said.contains("\"task\""), "{said}");
+}
+
+#[test]
 fn mistakes_are_one_sentence_each() {
     let Some(limited) = env("limited") else { return };
     let scratch = Scratch::new("gymnasium-mistakes");
@@ -219,6 +269,22 @@ fn mistakes_are_one_sentence_each() {
         ),
         ("sift set --env HalfCheetah-v5".to_owned(), 2, "did you mean gymnasium:HalfCheetah-v5?"),
         ("sift set --env from-set".to_owned(), 2, "only sets of Minari do"),
+        ("sift nowhere --env from-set".to_owned(), 2, "the demonstration file does not exist"),
+        (
+            format!("sift set {limited} --heuristic mine.py"),
+            2,
+            "'mine.py' names a file, and no function in it",
+        ),
+        (
+            format!("sift set {} --horizon 30", of("narrow")),
+            2,
+            "the demonstrations have 2 numbers in an action, but the task 'point' has 1",
+        ),
+        (
+            format!("task check {} --horizon 30", of("loses_sight")),
+            1,
+            "the environment returned nan as number 2 of the observation after step 5",
+        ),
         (format!("sift set {}", of("make")), 2, "add --horizon N"),
         (
             format!("sift set {limited} --heuristic count --workers 0"),

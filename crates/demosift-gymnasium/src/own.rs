@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use demosift::Result;
 use serde_json::{Value, json};
 
-use crate::source::Source;
+use crate::source::{Source, is_python};
 
 /// The measurement that a score is: 0 until the last step of an episode.
 const SCORE: &str = "score";
@@ -42,9 +42,9 @@ pub(crate) fn said(measure: Option<&str>, heuristic: &str) -> Result<Said> {
     })
 }
 
-/// Whether a heuristic is a function and no words: `my_env.py:score`, or `package.module:score`.
+/// Whether a heuristic is meant to be a function and no words: `my_env.py:score`, or `package.module:score`.
 fn is_function(typed: &str) -> bool {
-    typed.contains(".py:") || typed.contains(':') && !typed.contains(char::is_whitespace)
+    is_python(typed) || typed.contains(".py:") || typed.contains(':') && !typed.contains(char::is_whitespace)
 }
 
 impl Own {
@@ -94,6 +94,9 @@ mod tests {
             let error = said(None, &format!("{file}:score")).unwrap_err().to_string();
             assert!(error.starts_with("cannot find the score's file") && error.ends_with(file), "{error}");
         }
+        let error = said(None, "my_env.py").unwrap_err();
+        assert_eq!(error.to_string(), "'my_env.py' names a file, and no function in it");
+        assert_eq!(error.hint(), Some("write my_env.py:FUNCTION"));
         let error = said(Some("measure"), "count").unwrap_err();
         assert!(error.to_string().contains("'measure' is no measure"), "{error}");
         assert!(error.hint().unwrap().contains("FILE.py:FUNCTION"), "{:?}", error.hint());

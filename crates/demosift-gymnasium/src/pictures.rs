@@ -5,12 +5,13 @@
 
 use demosift::Result;
 use demosift::basics::seed::Seed;
+use demosift::data::demonstration::minari::Seeded;
 use demosift::data::demonstration::robomimic::Recording;
 use demosift::data::demonstration::{DemoId, Demonstration};
 use demosift::data::trajectory::Trajectory;
 use demosift::math::rows::Rows;
 
-use crate::replay::{LEFT, Starts, actions, distance};
+use crate::replay::{LEFT, Starts, distance};
 use crate::session::Session;
 pub use crate::session::View;
 use crate::task::GymnasiumTask;
@@ -53,8 +54,8 @@ impl Reel {
         let observations = recorded.observations().clone();
         match starts {
             Starts::Seeds(seeds) => {
-                let start = Start::Seed(seeds.get(demo.0).copied().flatten()?);
-                Some(Self { start, actions: actions(recorded), observations })
+                let Seeded { seed, actions } = seeds.get(demo.0)?.clone()?;
+                Some(Self { start: Start::Seed(seed), actions, observations })
             }
             Starts::States(recordings) => {
                 let recording = recordings.get(demo.0)?.clone()?;

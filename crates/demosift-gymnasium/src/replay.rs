@@ -5,6 +5,7 @@
 //! Single steps from recorded states would say less: what a controller remembers is in no state.
 
 use demosift::Result;
+use demosift::data::demonstration::minari::Seeded;
 use demosift::data::demonstration::robomimic::Recording;
 use demosift::data::demonstration::{DemoId, Demonstration, DemonstrationSet};
 use demosift::world::environment::Task as _;
@@ -19,11 +20,12 @@ use crate::whole::Turns as _;
 /// An observation that is farther from the recorded one has left it.
 pub(crate) const LEFT: f32 = 1e-3;
 
-/// How recorded episodes began, by their position in the file, as far as a set tells.
+/// How recorded episodes began and what acted in them, in the environment's own unit, by their position in the file, as far as
+/// a set tells.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Starts {
     /// From seeds.
-    Seeds(Vec<Option<u64>>),
+    Seeds(Vec<Option<Seeded>>),
     /// From states of the simulator.
     States(Vec<Option<Recording>>),
 }
@@ -82,15 +84,15 @@ pub fn replayed(
         let demonstration = set.get(demo);
         match starts {
             Starts::Seeds(seeds) => {
-                let Some(seed) = seeds.get(demo.0).copied().flatten() else { continue };
+                let Some(seeded) = seeds.get(demo.0).and_then(Option::as_ref) else { continue };
                 // What is measured at the end of an episode is measured at its end.
-                session.measure(task.info_measured(), demonstration.steps())?;
-                let turns = episode(&mut session, seed, &actions(demonstration))?;
+                session.measure(task.info_measured(), demonstration.steps(), None)?;
+                let turns = episode(&mut session, seeded.seed, &seeded.actions)?;
                 found.push(compared(task, demo, demonstration, &turns));
             }
             Starts::States(recordings) => {
                 let Some(recording) = recordings.get(demo.0).and_then(Option::as_ref) else { continue };
-                session.measure(task.info_measured(), demonstration.steps())?;
+                session.measure(task.info_measured(), demonstration.steps(), None)?;
                 let (turns, state_drift) = from_state(&mut session, recording)?;
                 let compared = compared(task, demo, demonstration, &turns);
                 found.push(Replayed { state_drift: Some(state_drift), ..compared });
@@ -98,10 +100,6 @@ pub fn replayed(
         }
     }
     Ok(found)
-}
-
-pub(crate) fn actions(demonstration: &Demonstration) -> Vec<Vec<f64>> {
-    demonstration.actions().iter().map(|row| row.iter().map(|number| f64::from(*number)).collect()).collect()
 }
 
 /// All turns from the first recorded state on, and the greatest distance of a number of the state from the recorded one.

@@ -15,7 +15,7 @@ use crate::turn::{Turn, TurnSizes, f64s};
 use crate::whole::{self, Act, Sizes, Turns};
 
 /// The version of the frames, the same in `python/demosift_worker/worker.py`.
-pub(crate) const PROTOCOL: u32 = 5;
+pub(crate) const PROTOCOL: u32 = 6;
 const OPEN: u8 = b'O';
 const MEASURE: u8 = b'M';
 const RESET: u8 = b'R';
@@ -31,6 +31,7 @@ pub(crate) const PROBLEM: u8 = b'E';
 const PLAY: u8 = b'P';
 const PLAYED: u8 = b'W';
 const FUNCTION: &str = "function";
+const RETURNED: &str = "returned";
 
 /// What an environment says of itself when it is opened.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -61,13 +62,16 @@ pub(crate) struct Greeting {
 /// What was wrong in the process.
 #[derive(Deserialize)]
 pub(crate) struct Problem {
-    /// `refused` if what the user has works and cannot be used, `raised` if it does not work, `function` if a function of theirs
-    /// beside the environment is at fault, whose name the message begins with.
+    /// `refused` if what the user has works and cannot be used, `raised` if it does not work, `returned` if the message says what
+    /// the environment returned, `function` if a function of theirs beside the environment is at fault, whose name the message
+    /// begins with.
     pub(crate) kind: String,
     pub(crate) message: String,
     pub(crate) hint: Option<String>,
     /// Where in the code.
     place: Option<String>,
+    /// Whether there is an environment that was made.
+    made: bool,
 }
 
 impl Problem {
@@ -139,11 +143,18 @@ impl Session {
         Ok((Self { process, sizes, plays, sound: true }, greeting))
     }
 
-    /// Measures these numbers of info from now on, in episodes of at most `limit` steps. Returns all there are: if one of them is missing, nothing is measured.
+    /// Measures these numbers of info from now on, in episodes of at most `limit` steps. Returns all that were seen: if one of
+    /// them is missing, nothing is measured.
     ///
-    /// Some are there only at the end of an episode, so an episode is played for one that is not there after the first step.
-    pub(crate) fn measure(&mut self, names: &[String], limit: usize) -> Result<Vec<String>> {
-        let asked = json!({ "names": names, "limit": limit }).to_string();
+    /// Some are there only at the end of an episode, so for one that is not there after the first step an episode of at most
+    /// `look` steps is played; `None` if another process has seen them all.
+    pub(crate) fn measure(
+        &mut self,
+        names: &[String],
+        limit: usize,
+        look: Option<usize>,
+    ) -> Result<Vec<String>> {
+        let asked = json!({ "names": names, "limit": limit, "look": look }).to_string();
         let answer = self.ask(MEASURE, asked.as_bytes(), "an episode of random actions")?;
         let known: Vec<String> = json_of(&answer, DONE, "names")?;
         if names.iter().all(|name| known.contains(name)) {
@@ -214,9 +225,10 @@ impl Session {
             let found = problem(&answer, what)?;
             let place = found.place_in_words();
             let Problem { kind, message, hint, .. } = found;
-            let error = Error::simulation(match kind == FUNCTION {
-                true => message,
-                false => format!("the environment failed in {what}: {message}{place}"),
+            let error = Error::simulation(match kind.as_str() {
+                FUNCTION => message,
+                RETURNED => format!("the environment {message}"),
+                _ => format!("the environment failed in {what}: {message}{place}"),
             });
             return Err(match hint {
                 Some(hint) => error.with_hint(hint),
@@ -281,9 +293,9 @@ fn json_of<T: for<'a> Deserialize<'a>>(answer: &Answer, letter: u8, what: &str) 
     read.ok_or_else(|| Error::simulation(format!("the worker's answer to {what} cannot be read")))
 }
 
-/// An environment that could not be made is the user's to mend.
+/// An environment that could not be made, or fails at once, is the user's to mend.
 fn at_the_start(problem: &Problem, interpreter: &Interpreter, source: &Source) -> Error {
-    let Problem { kind, message, hint, .. } = problem;
+    let Problem { kind, message, hint, made, .. } = problem;
     let words = source.words();
     if kind == FUNCTION {
         let error = Error::bad_input(message.clone());
@@ -292,16 +304,18 @@ fn at_the_start(problem: &Problem, interpreter: &Interpreter, source: &Source) -
             false => error,
         };
     }
-    if kind == "refused" {
-        let error = Error::bad_input(format!("{words}: {message}"));
+    if kind == "refused" || kind == RETURNED {
+        let colon = if kind == RETURNED { "" } else { ":" };
+        let error = Error::bad_input(format!("{words}{colon} {message}"));
         return match hint {
             Some(hint) => error.with_hint(hint),
             None => error,
         };
     }
     let place = problem.place_in_words();
-    Error::bad_input(format!("{words} cannot be made: {message}{place}"))
-        .with_hint(install_or_name(message, interpreter))
+    let what = if *made { "was made, and fails when it is tried" } else { "cannot be made" };
+    Error::bad_input(format!("{words} {what}: {message}{place}"))
+        .with_hint(hint.clone().unwrap_or_else(|| install_or_name(message, interpreter)))
 }
 
 /// What helps where something could not be imported or made.

@@ -102,7 +102,6 @@ impl Source {
 
     /// The environment that a set names.
     fn of_set(set: NamingSet<'_>, trusted: bool) -> Result<Self> {
-        // What cannot be found at all is said where the set is read.
         if let Ok(located) = open::located(set.path, set.format)
             && located.format == Format::Robomimic
         {
@@ -141,6 +140,10 @@ impl Source {
     fn of_function(typed: &str, what: &str, wanted: &str) -> Result<Self> {
         let parts = typed.rsplit_once(':').filter(|(from, name)| !from.is_empty() && !name.is_empty());
         let Some((from, name)) = parts else {
+            if is_python(typed) {
+                let message = format!("'{typed}' names a file, and no function in it");
+                return Err(Error::bad_input(message).with_hint(format!("write {typed}:FUNCTION")));
+            }
             let hint = match what == "environment" && (typed.contains("-v") || typed.contains('/')) {
                 true => format!("did you mean {GYMNASIUM}{typed}?"),
                 false => wanted.to_owned(),
@@ -148,7 +151,7 @@ impl Source {
             let message = format!("'{typed}' is no {what}: what is before the colon is missing");
             return Err(Error::bad_input(message).with_hint(hint));
         };
-        if Path::new(from).extension().is_some_and(|extension| extension == "py") {
+        if is_python(from) {
             let file = fs::canonicalize(from).map_err(|error| {
                 Error::io(&format!("cannot find the {what}'s file"), Path::new(from), &error)
             })?;
@@ -234,6 +237,11 @@ impl Source {
     }
 }
 
+/// Whether a name is that of a file of Python.
+pub(crate) fn is_python(name: &str) -> bool {
+    Path::new(name).extension().is_some_and(|extension| extension == "py")
+}
+
 fn id_of(spec: &str) -> String {
     let id = serde_json::from_str::<Value>(spec).ok();
     id.and_then(|spec| Some(spec.get("id")?.as_str()?.to_owned())).unwrap_or_else(|| "environment".to_owned())
@@ -244,6 +252,9 @@ fn spec_of(set: &Path) -> Result<String> {
     let places =
         [set.join("data/metadata.json"), set.join("metadata.json"), set.with_file_name("metadata.json")];
     let Some(place) = places.iter().find(|place| place.is_file()) else {
+        if !set.exists() {
+            open::located(set, None)?;
+        }
         return Err(Error::bad_input(
             "the set names no environment: only sets of Minari do, in data/metadata.json, and of robomimic, in env_args",
         )
@@ -284,6 +295,7 @@ mod tests {
             ("gymnasium:", "what is before the colon is missing"),
             (":make", "what is before the colon is missing"),
             ("folder/module:make", "neither a file of Python nor a module"),
+            ("my_env.py", "'my_env.py' names a file, and no function in it"),
             ("no_such_file.py:make", "cannot find the environment's file"),
             ("from-set", "none are given"),
         ] {
@@ -313,6 +325,9 @@ mod tests {
             assert_eq!(source.short_name(), "Far-v1");
             assert_eq!(source, Source::Set { spec: r#"{"id": "Reach/Far-v1"}"#.to_owned(), trusted: true });
         }
+        let nowhere = folder.join("nowhere");
+        let error = Source::parse("from-set", Some(NamingSet::usual(&nowhere)), false).unwrap_err();
+        assert!(error.to_string().contains("does not exist"), "{error}");
         fs::remove_dir_all(&folder).unwrap();
     }
 }

@@ -27,6 +27,8 @@ pub const DEFAULT_HEURISTIC: &str = "sum reward";
 const ALWAYS: [&str; 2] = ["reward", "terminated"];
 /// Names in info by which environments tell of success, the first that is there.
 const SUCCESS: [&str; 2] = ["is_success", "success"];
+/// Steps of the episode in which it is looked for where the first step does not tell.
+const SUCCESS_WITHIN: usize = 1000;
 /// Steps of each of the three episodes by which is seen whether an environment repeats.
 const TRIAL_STEPS: usize = 20;
 /// Steps that an error proposes where nobody says how many an episode has.
@@ -222,7 +224,7 @@ impl GymnasiumTask {
         if (&greeting.parts, &greeting.bounds) != (observation_parts, control_ranges) {
             return Err(Error::simulation("the environment was made with other spaces than the first time"));
         }
-        session.measure(&measurements[ALWAYS.len()..], *horizon)?;
+        session.measure(&measurements[ALWAYS.len()..], *horizon, None)?;
         Ok(session)
     }
 
@@ -310,12 +312,18 @@ fn measured(words: &str, session: &mut Session, greeting: &Greeting, horizon: us
             of_info.push(name.clone());
         }
     }
-    let success = SUCCESS.iter().map(|name| (*name).to_owned());
-    let success = success.into_iter().find(|name| greeting.info.contains(name) || of_info.contains(name));
+    let success = match success_among(&greeting.info, &of_info) {
+        Some(name) => Some(name),
+        // Many tell of it at the end of an episode alone.
+        None => {
+            let wanted = [SUCCESS[0].to_owned()];
+            success_among(&session.measure(&wanted, horizon, Some(horizon.min(SUCCESS_WITHIN)))?, &[])
+        }
+    };
     if let Some(name) = success.as_ref().filter(|name| !of_info.contains(name)) {
         of_info.push(name.clone());
     }
-    let known = session.measure(&of_info, horizon)?;
+    let known = session.measure(&of_info, horizon, Some(horizon))?;
     let there: Vec<String> = always.iter().chain(&known).cloned().collect();
     let all = Measurements { names: &there, whose: "the environment" };
     Fold::resolve(&written, &all).map_err(|error| error.during(&format!("the heuristic '{words}'")))?;
@@ -323,6 +331,12 @@ fn measured(words: &str, session: &mut Session, greeting: &Greeting, horizon: us
     let fold = Fold::resolve(&written, &Measurements { names: &names, whose: "the environment" })?;
     let success = success.and_then(|name| names.iter().position(|known| *known == name));
     Ok(Measured { names, fold, success })
+}
+
+/// By which of these names an environment tells of success.
+fn success_among(seen: &[String], asked_for: &[String]) -> Option<String> {
+    let is_there = |name: &&str| seen.iter().chain(asked_for).any(|known| known == name);
+    SUCCESS.into_iter().find(is_there).map(str::to_owned)
 }
 
 /// How many steps an episode has.

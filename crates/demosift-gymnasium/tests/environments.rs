@@ -203,7 +203,14 @@ fn each_failure_in_play_is_one_sentence() {
             "kills_itself",
             "point: the environment's process ended by signal 9 (SIGKILL, perhaps for want of memory) during a step; its last words: out of luck",
         ),
-        ("NotANumber", "point: 'bad' is NaN after step 25, and must be a finite number"),
+        (
+            "NotANumber",
+            "point: the environment returned nan as 'bad' in info after step 25; wanted a finite number",
+        ),
+        (
+            "loses_sight_late",
+            "point: the environment returned inf as number 2 of the observation after step 25; wanted finite numbers",
+        ),
     ] {
         let heuristic = (name == "NotANumber").then(|| "sum bad".to_owned());
         let task = GymnasiumTask::open(&Wanted { heuristic, ..wanted(python.clone(), name) }).unwrap();
@@ -253,6 +260,30 @@ fn whether_an_environment_repeats_is_seen() {
 }
 
 #[test]
+fn numbers_that_are_not_finite_are_named_before_anybody_asks_whether_they_repeat() {
+    for (name, said) in [
+        ("loses_sight", "the environment returned nan as number 2 of the observation after step 5; wanted"),
+        ("loses_its_reward", "the environment returned the reward nan after step 5; wanted a finite number"),
+    ] {
+        let Some(error) = refused(name, |_| {}) else { return };
+        assert!(error.is_simulation() && error.to_string().starts_with(said), "{name}: {error}");
+        assert!(error.hint().unwrap().contains("terminated"), "{name}: {:?}", error.hint());
+    }
+}
+
+#[test]
+fn success_that_is_told_at_the_end_alone_is_seen() {
+    let Some(task) = open("TellsAtTheEnd") else { return };
+    assert!(task.tells_success() && task.info().is_empty());
+    assert_eq!(task.specification().measurements, ["reward", "terminated", "success"]);
+    for episode in played(&task, 3).unwrap() {
+        assert_eq!(task.succeeded(episode.measurements()), Some(true));
+    }
+    let found = check::check(&task, &Seed::new(0)).unwrap();
+    assert_eq!((found.successes, found.alike), (Some(5), Some(true)));
+}
+
+#[test]
 fn what_cannot_be_used_is_refused_with_a_way_out() {
     for (name, said, hint) in [
         ("discrete", "the action space is Discrete", "gymnasium.spaces.Box with finite bounds"),
@@ -269,6 +300,25 @@ fn what_cannot_be_used_is_refused_with_a_way_out() {
             "cannot be made: NameError: name 'undefined_name' is not defined (point.py, line",
             "--python",
         ),
+        (
+            "broken_at_length",
+            "cannot be made: RuntimeError: the arm is out of memory | … | or compile with care (point.py, line",
+            "--python",
+        ),
+        (
+            "OldStep",
+            ":OldStep returned 4 values from step(); wanted the 5 of Gymnasium: observation,",
+            "shimmy",
+        ),
+        ("OldReset", "returned an object of type ndarray from reset(); wanted the 2 of Gymnasium", "shimmy"),
+        (
+            "old_within_a_limit",
+            "was made, and fails when it is tried: ValueError: not enough values",
+            "shimmy",
+        ),
+        ("has_no_reward", "returned a reward of type NoneType after step 1; wanted a number", "a float"),
+        ("has_two_rewards", "returned a reward of type ndarray of shape (2,) after step 1", "a float"),
+        ("several", "what was made is a vector of 2 environments, and one is wanted", "--workers"),
         ("nothing", "cannot be made: AttributeError: module 'point' has no attribute 'nothing'", "--python"),
     ] {
         let Some(error) = refused(name, |_| {}) else { return };

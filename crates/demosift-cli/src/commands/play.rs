@@ -205,8 +205,10 @@ fn replay(chosen: &Chosen, data: &Path, arguments: &PlayArguments) -> Result<Vec
 
 /// The same in an environment in Python, where recorded actions are played again from where a demonstration began.
 fn replay_in_python(task: &GymnasiumTask, data: &Path, arguments: &PlayArguments) -> Result<Vec<Episode>> {
-    let opened = &demonstrations::open_unchecked(Some(data), &SetArguments::of(&arguments.storage), None)?;
-    let as_recorded = AsRecorded::of(task, opened, usize::MAX)?;
+    let mut opened = demonstrations::open_unchecked(Some(data), &SetArguments::of(&arguments.storage), None)?;
+    opened.read_as_taken(task)?;
+    opened.said.say();
+    let as_recorded = AsRecorded::of(task, &opened, usize::MAX)?;
     let AsRecorded { set, starts } = &as_recorded;
     let ids = match &arguments.demonstration[..] {
         [] => set.ids(),

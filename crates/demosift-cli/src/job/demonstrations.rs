@@ -6,12 +6,14 @@ use demosift::basics::files;
 use demosift::data::demonstration::choice::{self, Choice};
 use demosift::data::demonstration::episode::{self, Columns, Episode, Source};
 use demosift::data::demonstration::open::{self, Located};
-use demosift::data::demonstration::set_file::{self, Ranges, SetFile, Unit, Units};
+use demosift::data::demonstration::set_file::{self, Conversion, Meaning, Ranges, SetFile, Unit, Units};
 use demosift::data::demonstration::{DemoId, DemonstrationSet};
 use demosift::data::trajectory::StateLog;
 use demosift::run::experiment::{self, Config};
+use demosift::world::environment::Task as _;
 use demosift::world::rollout::Playground;
 use demosift::{Error, Result};
+use demosift_gymnasium::task::GymnasiumTask;
 use demosift_mujoco::mujoco_task::MujocoTask;
 
 use crate::arguments::{SetArguments, SourceArguments};
@@ -47,6 +49,18 @@ impl Said {
         let sizes = usual.map(|one| (one.observations.width(), one.actions.width()));
         let (observed, acted) = sizes.unwrap_or_default();
         self.set_file.in_words(observed, acted)
+    }
+
+    /// Tells the user of it, where anything is said.
+    pub(crate) fn say(&self) {
+        if self.set_file.is_none() {
+            return;
+        }
+        let of = self.path.as_ref().map_or_else(|| "the run".to_owned(), |path| path.display().to_string());
+        terminal::note(&format!(
+            "the numbers of the set are read as {of} says: {}",
+            self.set_file.to_string().trim_end().replace('\n', "; ")
+        ));
     }
 }
 
@@ -137,7 +151,36 @@ impl Opened {
     /// # Errors
     /// If what is said does not fit the set or the task.
     pub(crate) fn read_for(&mut self, task: Option<&Chosen>) -> Result<()> {
-        read_for(&mut self.source, &self.said, task)
+        let at = |error: Error| if error.is_bad_input() { error.at(&self.path) } else { error };
+        read_for(&mut self.source, &self.said, task).map_err(at)
+    }
+
+    /// From now on actions are what `step` of an environment in Python takes, in its own unit, and observations what it returns,
+    /// as the user says what those of the set are; where nothing is said, they are that already.
+    ///
+    /// # Errors
+    /// As [`Opened::read_for`].
+    pub(crate) fn read_as_taken(&mut self, task: &GymnasiumTask) -> Result<()> {
+        let mut meant = self.said.set_file.clone();
+        let of_step = Meaning { units: Some(Units::All(Unit::Controls)), ..Meaning::default() };
+        let are_taken = meant.actions.is_none() || meant.actions == of_step;
+        if are_taken {
+            meant.actions = Meaning::default();
+        } else if meant.actions.units.is_none() {
+            meant.actions.units = of_step.units;
+        }
+        if meant.is_none() {
+            return Ok(());
+        }
+        let bounds = &task.specification().control_ranges;
+        let ranges = Ranges { controls: bounds, observations: &[] };
+        let conversion = conversion(&self.source, &self.said, &meant, ranges)?;
+        let (_, acted) = widths(&self.source);
+        self.source.conversion = match are_taken {
+            true => conversion,
+            false => conversion.in_unit_of(bounds, acted).map_err(|error| error.at(&self.path))?,
+        };
+        Ok(())
     }
 }
 
@@ -146,32 +189,38 @@ impl Opened {
 /// # Errors
 /// As [`Opened::read_for`].
 pub(crate) fn read_for(source: &mut Source, said: &Said, task: Option<&Chosen>) -> Result<()> {
-    let Said { set_file, path, .. } = said;
-    let meant = meant(set_file, task);
+    let meant = meant(&said.set_file, task);
     if meant.is_none() {
         return Ok(());
     }
-    let wide = |width: fn(&Episode) -> usize| source.episodes.iter().map(width).find(|width| *width > 0);
-    let observed = wide(|one| one.observations.width()).unwrap_or(0);
-    let acted = wide(|one| one.actions.width()).unwrap_or(0);
+    if let Some(task) = task.filter(|_| said.set_file.is_none()) {
+        // Where the user has said nothing, it is the set that does not fit.
+        let (observed, acted) = widths(source);
+        experiment::check_sizes(observed, acted, task.task.specification())?;
+    }
     let observations = task.and_then(|task| task.mujoco.as_ref()).map(MujocoTask::observation_ranges);
     let ranges = Ranges {
         controls: task.map_or(&[], |task| &task.task.specification().control_ranges),
         observations: observations.as_deref().unwrap_or_default(),
     };
-    source.conversion = meant.conversion(observed, acted, ranges).map_err(|error| match path {
+    source.conversion = conversion(source, said, &meant, ranges)?;
+    said.say();
+    Ok(())
+}
+
+/// What becomes of the numbers of a set that mean this.
+fn conversion(source: &Source, said: &Said, meant: &SetFile, ranges: Ranges<'_>) -> Result<Conversion> {
+    let (observed, acted) = widths(source);
+    meant.conversion(observed, acted, ranges).map_err(|error| match &said.path {
         Some(path) => error.at(path),
         None => error,
-    })?;
-    if set_file.is_none() {
-        return Ok(());
-    }
-    let of = path.as_ref().map_or_else(|| "the run".to_owned(), |path| path.display().to_string());
-    terminal::note(&format!(
-        "the numbers of the set are read as {of} says: {}",
-        set_file.to_string().trim_end().replace('\n', "; ")
-    ));
-    Ok(())
+    })
+}
+
+/// Numbers in an observation and in an action of the first episode that has any.
+fn widths(source: &Source) -> (usize, usize) {
+    let wide = |width: fn(&Episode) -> usize| source.episodes.iter().map(width).find(|width| *width > 0);
+    (wide(|one| one.observations.width()).unwrap_or(0), wide(|one| one.actions.width()).unwrap_or(0))
 }
 
 /// What the numbers of a set are: what the user says, and of an environment in Python the actions that its `step` takes, where

@@ -1,15 +1,21 @@
 """Plays an environment, a step at a time."""
 
+import math
 import struct
+from collections.abc import Mapping
 
 from demosift_worker.environment import limit_of, picture_secs, step_secs, versions
 from demosift_worker.own import ALWAYS, SCORE, Measure, Score, as_number
-from demosift_worker.problems import Refused
+from demosift_worker.problems import OLD_API, Refused, Returned
 from demosift_worker.spaces import action_bounds, flattener, leaves
 
 TERMINATED, TRUNCATED = 1, 2
 #: Flags and reward stand before the observation of a turn.
 TURN_HEAD = struct.Struct("<Bd")
+#: What Gymnasium's methods return.
+RESET, STEP = ("observation", "info"), ("observation", "reward", "terminated", "truncated", "info")
+FLOAT = "let step() return a float as its second value"
+FINITE = "let it end an episode as terminated before its numbers run away, or give a number in place of what is not known"
 
 
 class Player:
@@ -32,6 +38,12 @@ class Player:
                     f"what was made is of type {type(env).__name__}, without '{wanted}', so it is no environment of Gymnasium",
                     "wanted a gymnasium.Env, or a function without arguments that returns one",
                 )
+        count = getattr(env, "num_envs", 1)
+        if isinstance(count, int) and count > 1:
+            raise Refused(
+                f"what was made is a vector of {count} environments, and one is wanted",
+                "return one of them; demosift starts as many processes as --workers says",
+            )
         self.bounds = action_bounds(env.action_space)
         self.parts = []
         for name, space, way in leaves(env.observation_space):
@@ -39,7 +51,9 @@ class Player:
             self.parts.append((name, way, numbers, width))
         self.shape, self.dtype = env.action_space.shape, env.action_space.dtype
         self.doubles = numpy.dtype("<f8")
-        self.always, self.measured, self.steps = set(), [], 0
+        #: Numbers of info that are there after every step, those that were seen at all, and those that are measured.
+        self.always, self.known, self.measured = set(), set(), []
+        self.steps = 0
         self.width = sum(width for _, _, _, width in self.parts)
 
     def reset(self, seed):
@@ -48,7 +62,7 @@ class Player:
         # For environments that draw from these and not from their own generator.
         random.seed(seed)
         self.numpy.random.seed(seed % 2**32)
-        observation, _ = self.env.reset(seed=seed)
+        observation, _ = several(self.env.reset(seed=seed), "reset", RESET)
         return self.begun(observation)
 
     def begun(self, observation):
@@ -63,9 +77,11 @@ class Player:
 
     def advance(self, action):
         """One step, with what the user measures of it among the numbers of info."""
-        observation, reward, terminated, truncated, info = self.env.step(action)
-        reward, terminated, truncated = float(reward), bool(terminated), bool(truncated)
+        observation, reward, terminated, truncated, info = several(self.env.step(action), "step", STEP)
         self.steps += 1
+        reward, terminated, truncated = self.rewarded(reward), bool(terminated), bool(truncated)
+        if not isinstance(info, Mapping):
+            raise Returned(f"an info of type {type(info).__name__} {self.when()}; wanted a dict", OLD_API)
         if self.own is not None:
             info = {**info, **self.own.numbers(self.env, self.steps, observation, reward, info)}
         if self.score is not None:
@@ -74,6 +90,21 @@ class Player:
             is_over = terminated or truncated or self.steps == self.horizon
             info = {**info, SCORE: self.score.number_of_episode() if is_over else 0.0}
         return observation, reward, terminated, truncated, info
+
+    def rewarded(self, reward):
+        """The reward of a step, if it is a finite number."""
+        try:
+            number = float(reward)
+        except (TypeError, ValueError):
+            of_shape = f" of shape {reward.shape}" if hasattr(reward, "shape") else ""
+            kind = type(reward).__name__
+            raise Returned(f"a reward of type {kind}{of_shape} {self.when()}; wanted a number", FLOAT) from None
+        if not math.isfinite(number):
+            raise Returned(f"the reward {number} {self.when()}; wanted a finite number", FINITE)
+        return number
+
+    def when(self):
+        return f"after step {self.steps}" if self.steps else "after a reset"
 
     def put(self, payload):
         """Goes on from a recorded state, where the environment can be put into one."""
@@ -126,6 +157,8 @@ class Player:
         number = as_number(info.get(name))
         if number is None and name in self.always:
             raise Refused(f"info has no number '{name}' after step {self.steps}, and had one after the first step")
+        if number is not None and not math.isfinite(number):
+            raise Returned(f"{number} as '{name}' in info {self.when()}; wanted a finite number", FINITE)
         return 0.0 if number is None else number
 
     def flat(self, observation):
@@ -137,11 +170,19 @@ class Player:
             part = numbers(value)
             if part.size != width:
                 raise Refused(f"the part '{name}' of an observation has {part.size} numbers, and its space says {width}")
+            # One product tells of all numbers; squares may overflow where no number has.
+            if not math.isfinite(part.dot(part)) and not self.numpy.isfinite(part).all():
+                raise self.not_finite(name, part)
             parts.append(part)
         return parts[0] if len(parts) == 1 else self.numpy.concatenate(parts)
 
-    def numbers_in_info(self, whole_episode, limit):
-        """Names of the numbers in info after one step, or after any step of an episode."""
+    def not_finite(self, name, part):
+        number = int(self.numpy.flatnonzero(~self.numpy.isfinite(part))[0])
+        where = f"number {number} of the observation" if len(self.parts) == 1 else f"number {number} of the observation's '{name}'"
+        return Returned(f"{part[number]} as {where} {self.when()}; wanted finite numbers", FINITE)
+
+    def numbers_in_info(self, whole_episode, limit, beat=None):
+        """Names of the numbers in info after one step, or after any step of an episode, which `beat` is told of each time."""
         self.reset(0)
         if hasattr(self.env.action_space, "seed"):
             self.env.action_space.seed(0)
@@ -152,8 +193,11 @@ class Player:
             names = [str(name) for name, value in info.items() if as_number(value) is not None]
             if seen == 1:
                 self.always = set(names)
+            if beat is not None:
+                beat()
             found.extend(name for name in names if name not in found)
             if not whole_episode or terminated or truncated or seen == limit:
+                self.known.update(found)
                 return sorted(found)
 
     def sizes(self):
@@ -175,3 +219,11 @@ class Player:
             "step_secs": step_secs(self.env),
             "picture_secs": picture_secs(self.env),
         }
+
+
+def several(returned, method, wanted):
+    """What `reset` or `step` returned, if it is as much as Gymnasium has it."""
+    if isinstance(returned, (tuple, list)) and len(returned) == len(wanted):
+        return returned
+    found = f"{len(returned)} values" if isinstance(returned, (tuple, list)) else f"an object of type {type(returned).__name__}"
+    raise Returned(f"{found} from {method}(); wanted the {len(wanted)} of Gymnasium: {', '.join(wanted)}", OLD_API)

@@ -2,12 +2,30 @@
 
 import os
 
+#: Letters of a line of a message that are passed on.
+LONGEST_LINE = 300
+#: What helps where Gymnasium's wrappers cannot take apart what a step or a reset returned.
+OLD_API = (
+    "step() has to return observation, reward, terminated, truncated, info, and reset() observation, info; an environment of the "
+    "old gym is wrapped by shimmy.GymV21CompatibilityV0(env=...)"
+)
+#: What Python says of that, wherever it happens.
+TAKEN_APART = ("expected 5, got 4", "too many values to unpack (expected 2")
+
 
 class Refused(Exception):
     """The environment works, and demosift cannot use it; says why, and what would help."""
 
     def __init__(self, message, hint=None):
         super().__init__(message)
+        self.hint = hint
+
+
+class Returned(Exception):
+    """The environment returned what cannot be used; says what, as the end of a sentence about it, and what would help."""
+
+    def __init__(self, what, hint=None):
+        super().__init__(f"returned {what}")
         self.hint = hint
 
 
@@ -25,19 +43,32 @@ def listed(names):
     return ", ".join(f"'{name}'" for name in sorted(names)) or "nothing"
 
 
+def in_short(lines):
+    """The first and the last line of a message, which may say what happened and where."""
+    lines = [line.strip()[:LONGEST_LINE] for line in lines if line.strip()]
+    return " | ".join(lines if len(lines) < 3 else [lines[0], "…", lines[-1]])
+
+
 def problem(error):
-    """An error as its last line says it, with the place in the code."""
+    """An error with its type, the first and the last line of what it says, and the place in the code."""
     import traceback
 
     if isinstance(error, Fault):
         return {"kind": "function", "message": str(error), "hint": None, "place": None}
     if isinstance(error, Refused):
         return {"kind": "refused", "message": str(error), "hint": error.hint, "place": None}
+    if isinstance(error, Returned):
+        return {"kind": "returned", "message": str(error), "hint": error.hint, "place": None}
     frames = traceback.extract_tb(error.__traceback__)
     theirs = [frame for frame in frames if not frame.filename.startswith(("<string>", "<demosift_worker"))]
     place = None
     if theirs:
         last = theirs[-1]
         place = f"{os.path.basename(last.filename)}, line {last.lineno}, in {last.name}"
-    lines = "".join(traceback.format_exception_only(type(error), error)).strip().splitlines()
-    return {"kind": "raised", "message": (lines or [type(error).__name__])[-1], "hint": None, "place": place}
+    if isinstance(error, SyntaxError) and error.filename:
+        place = f"{os.path.basename(error.filename)}, line {error.lineno}"
+    lines = "".join(traceback.format_exception_only(type(error), error)).splitlines()
+    # Before an error of syntax stands the code.
+    message = in_short(lines[-1:] if isinstance(error, SyntaxError) else lines)
+    is_old = isinstance(error, ValueError) and any(words in message for words in TAKEN_APART)
+    return {"kind": "raised", "message": message, "hint": OLD_API if is_old else None, "place": place}

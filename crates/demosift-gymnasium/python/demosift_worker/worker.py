@@ -9,7 +9,7 @@ What is asked and answered are frames: the length of the payload (u32), one lett
 | asked | payload | answered | payload |
 |---|---|---|---|
 | `O` open | JSON: environment | `G` greeting | JSON: versions, sizes, names |
-| `M` measure | JSON: names of numbers in info, steps of an episode | `K` done | JSON: names of all there are |
+| `M` measure | JSON: names of numbers in info, steps of an episode, steps in which to look for them | `K` done | JSON: names of all that were seen; before it may stand any number of `H` |
 | `R` reset | seed, u64 | `T` turn | see `turn` |
 | `S` step | action in the environment's own unit, f64 each | `T` turn | see `turn` |
 | `I` into a recorded state | length of the model's text, u32, 0 if there is none; the text; the state, f64 each | `T` turn | see `turn` |
@@ -38,7 +38,7 @@ from demosift_worker.learner import Learner
 from demosift_worker.player import Player
 from demosift_worker.problems import problem
 
-PROTOCOL = 5
+PROTOCOL = 6
 LETTERS = {"open": b"O", "measure": b"M", "reset": b"R", "step": b"S", "play": b"P", "put": b"I", "state": b"Q", "view": b"V"}
 LEARNING = {"learn": b"L", "demonstration": b"D", "train": b"N", "begin": b"B", "act": b"A"}
 PR_SET_PDEATHSIG = 1
@@ -126,15 +126,18 @@ class Desk:
         return b"K", json.dumps({"protocol": PROTOCOL, "versions": self.learner.versions()}).encode()
 
     def measure(self, asked):
-        """Measures these from now on; the answer lists all there are if one of them is missing."""
-        known = set(self.player.always)
-        self.player.horizon = asked["limit"]
-        if not known.issuperset(asked["names"]):
+        """Measures these from now on, if all of them are there; the answer lists those that were seen."""
+        player, names, look = self.player, asked["names"], asked["look"]
+        player.horizon = asked["limit"]
+        if look is None:
+            # Another process has seen them.
+            player.known.update(names)
+        elif not player.known.issuperset(names):
             # Some are there only at the end of an episode.
-            known.update(self.player.numbers_in_info(True, asked["limit"]))
-        if known.issuperset(asked["names"]):
-            self.player.measured = asked["names"]
-        return json.dumps(sorted(known)).encode()
+            player.numbers_in_info(True, look, self.beat)
+        if player.known.issuperset(names):
+            player.measured = names
+        return json.dumps(sorted(player.known)).encode()
 
 
 def exactly(stream, count):
@@ -161,7 +164,7 @@ def main():
         try:
             letter, answer = desk.answer(head[4:], payload)
         except BaseException as error:  # Also SystemExit: whatever it is, it is told and not lost.
-            letter, answer = b"E", json.dumps(problem(error)).encode()
+            letter, answer = b"E", json.dumps({**problem(error), "made": desk.player is not None}).encode()
         sys.stdout.flush()
         send(answers, letter, answer)
     if desk.player is not None and hasattr(desk.player.env, "close"):

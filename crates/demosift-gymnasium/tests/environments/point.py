@@ -186,6 +186,92 @@ class NotANumber(Point):
         return observation, reward, terminated, truncated, {**info, "bad": float("nan") if self.steps == 25 else 1.0}
 
 
+def loses(what, value, step=5):
+    """Of a step it returns this in place of what belongs there."""
+    point = Point()
+    works = point.step
+
+    def returned(action):
+        observation, reward, terminated, truncated, info = works(action)
+        if point.steps == step and what == "observation":
+            observation[2] = value
+        if point.steps == step and what == "reward":
+            reward = value
+        return observation, reward, terminated, truncated, info
+
+    point.step = returned
+    return point
+
+
+def loses_sight():
+    return loses("observation", numpy.nan)
+
+
+def loses_sight_late():
+    """Not in the few steps by which it is tried."""
+    return loses("observation", numpy.inf, 25)
+
+
+def loses_its_reward():
+    return loses("reward", numpy.nan)
+
+
+def has_no_reward():
+    return loses("reward", None, 1)
+
+
+def has_two_rewards():
+    return loses("reward", numpy.zeros(2), 1)
+
+
+class OldStep(Point):
+    """Steps as the old API of Gym did."""
+
+    def step(self, action):
+        observation, reward, terminated, _, info = super().step(action)
+        return observation, reward, terminated, info
+
+
+class OldReset(Point):
+    def reset(self, seed=None, options=None):
+        return super().reset(seed=seed)[0]
+
+
+def old_within_a_limit():
+    return gymnasium.wrappers.TimeLimit(OldStep(), 30)
+
+
+def several():
+    return gymnasium.vector.SyncVectorEnv([Point, Point])
+
+
+class TellsAtTheEnd(Point):
+    """Says of success in the last step of an episode alone."""
+
+    def step(self, action):
+        observation, reward, terminated, truncated, _ = super().step(action)
+        return observation, reward, terminated, truncated, {"success": self.distance() > 0.25} if self.steps == 30 else {}
+
+
+class Exact(Point):
+    """Observes twice what 32 bits leave out of its action, times 2^25."""
+
+    def __init__(self):
+        super().__init__()
+        self.action_space = spaces.Box(-2.0, 2.0, (2,), numpy.float64)
+
+    def reset(self, seed=None, options=None):
+        self.left_out = numpy.zeros(2)
+        return super().reset(seed=seed)
+
+    def step(self, action):
+        self.left_out = (action - action.astype(numpy.float32)) * 2.0**25
+        return super().step(action)
+
+    def look(self):
+        return numpy.concatenate([self.left_out, self.left_out]).astype(numpy.float32)
+
+
 class Nested(Point):
     """Observes a dictionary, whose order is that of its names."""
 
@@ -202,6 +288,14 @@ def with_action(space):
     point = Point()
     point.action_space = space
     return point
+
+
+def narrow():
+    return with_action(spaces.Box(-1.0, 1.0, (1,)))
+
+
+def uneven():
+    return with_action(spaces.Box(numpy.array([0.0, -3.0]), numpy.array([255.0, 7.0]), dtype=numpy.float64))
 
 
 def discrete():
@@ -224,6 +318,10 @@ def pictures():
 
 def no_environment():
     return 3
+
+
+def broken_at_length():
+    raise RuntimeError("the arm is out of memory\nask its vendor\nor compile with care\n")
 
 
 def broken():

@@ -71,7 +71,9 @@ pub(super) fn check(simulated: &Simulated, arguments: &TaskCheckArguments) -> Re
 }
 
 fn compare(task: &GymnasiumTask, data: &Path, how: &SetArguments) -> Result<Recorded> {
-    let opened = demonstrations::open_unchecked(Some(data), how, None)?;
+    let mut opened = demonstrations::open_unchecked(Some(data), how, None)?;
+    opened.read_as_taken(task)?;
+    opened.said.say();
     let AsRecorded { set, starts } = AsRecorded::of(task, &opened, MOST_REPLAYED)?;
     demonstrations::say_what_is_not_read(&opened.source);
     check::compare(task, &set, &starts, MOST_REPLAYED).map_err(|error| match error.is_bad_input() {
@@ -281,23 +283,28 @@ fn another_version(task: &GymnasiumTask) -> String {
 /// Whether recorded actions can be what the environment takes.
 fn actions_fit(task: &GymnasiumTask, recorded: &Recorded) -> Finding {
     let bounds = task.units().bounds();
+    let of = |column: usize| (bounds[column], recorded.actions[column]);
+    // How far a number goes beyond its bounds, and how much it uses of them.
+    let beyond = |column: usize| {
+        let ([low, high], [least, greatest]) = of(column);
+        (low - least).max(greatest - high) / (high - low)
+    };
     let share = |column: usize| {
-        let ([low, high], [least, greatest]) = (bounds[column], recorded.actions[column]);
+        let ([low, high], [least, greatest]) = of(column);
         least.abs().max(greatest.abs()) / low.abs().max(high.abs())
     };
-    let shares: Vec<f64> = (0..bounds.len()).map(share).collect();
-    let worst = shares
-        .iter()
-        .enumerate()
-        .max_by(|one, other| one.1.total_cmp(other.1))
-        .map_or(0, |(column, _)| column);
-    let [least, greatest] = recorded.actions[worst];
+    let largest = |number: &dyn Fn(usize) -> f64| {
+        let order = |one: &usize, other: &usize| number(*one).total_cmp(&number(*other));
+        (0..bounds.len()).max_by(order).unwrap_or(0)
+    };
+    let worst = if recorded.beyond > 0.0 { largest(&beyond) } else { largest(&share) };
+    let ([low, high], [least, greatest]) = of(worst);
     let beside = format!(
         "action {worst} is recorded from {} to {}, and the environment takes {} to {}",
         tables::short(least),
         tables::short(greatest),
-        tables::short(bounds[worst][0]),
-        tables::short(bounds[worst][1])
+        tables::short(low),
+        tables::short(high)
     );
     if recorded.beyond > OTHER_UNIT {
         let message = format!(
@@ -319,7 +326,7 @@ fn actions_fit(task: &GymnasiumTask, recorded: &Recorded) -> Finding {
             Some("they are clipped: the environment cannot be told to do that"),
         );
     }
-    if shares[worst] < HARDLY {
+    if share(worst) < HARDLY {
         let message = format!(
             "recorded actions use less than {} of what is possible: {beside}",
             tables::percent(HARDLY)

@@ -102,7 +102,8 @@ fn filmed(camera: Camera, cast: Vec<Cast>) -> Result<Vec<Film>> {
 
 /// The demonstrations of which is known how they began, with what they scored when they were played again.
 fn recorded(task: &GymnasiumTask, job: &Job, demos: &[DemoId]) -> Result<Vec<Cast>> {
-    let opened = demonstrations::open_unchecked(None, &SetArguments::default(), Some(job.data()))?;
+    let mut opened = demonstrations::open_unchecked(None, &SetArguments::default(), Some(job.data()))?;
+    opened.read_as_taken(task)?;
     let AsRecorded { set, starts } = AsRecorded::of(task, &opened, usize::MAX)?;
     let reel = |demo: &DemoId| Some((*demo, Reel::of_demonstration(&starts, *demo, set.get(*demo))?));
     let (known, reels): (Vec<DemoId>, Vec<Reel>) = demos.iter().filter_map(reel).unzip();

@@ -195,6 +195,37 @@ pub(super) fn read_columns(group: &Group, names: &[String], file_len: u64) -> Re
     side_by_side(parts.collect::<Result<Vec<_>>>()?)
 }
 
+/// The same with all the bits that are stored, `[steps][numbers a step]`.
+///
+/// # Errors
+/// As [`read_columns`].
+pub(super) fn read_columns_in_full(group: &Group, names: &[String], file_len: u64) -> Result<Vec<Vec<f64>>> {
+    let mut rows: Vec<Vec<f64>> = Vec::new();
+    for name in names {
+        let named = Named::new(name);
+        let column = named.column;
+        let dataset = find_below(group, column)?.map_or_else(|| Err(missing_below(group, column)?), Ok)?;
+        let table = rows_in_full(&dataset, column, file_len)?;
+        let (first, end) = named.part().unwrap_or((0, None));
+        rows.resize(table.len(), Vec::new());
+        for (row, whole) in rows.iter_mut().zip(&table) {
+            let part = whole.get(first..end.unwrap_or(whole.len()));
+            row.extend(part.ok_or_else(|| Error::bad_input(format!("'{name}' is no part of '{column}'")))?);
+        }
+    }
+    Ok(rows)
+}
+
+/// The rows of a dataset of numbers, with all the bits that are stored.
+pub(super) fn rows_in_full(dataset: &Dataset, name: &str, file_len: u64) -> Result<Vec<Vec<f64>>> {
+    let (_, width) = check_table(dataset, name, file_len)?;
+    let numbers = match dataset.dtype().map_err(damaged)? {
+        DType::Enum(_) | DType::Other(_) => numbers(dataset, name)?.into_iter().map(f64::from).collect(),
+        _ => dataset.read_f64().map_err(damaged)?,
+    };
+    Ok(numbers.chunks_exact(width).map(<[f64]>::to_vec).collect())
+}
+
 /// Steps and numbers a step of a dataset of numbers that the file can hold.
 pub(super) fn check_table(dataset: &Dataset, name: &str, file_len: u64) -> Result<(usize, usize)> {
     let shape = dataset.shape().map_err(damaged)?;

@@ -31,7 +31,7 @@ mod seeds;
 mod subset;
 mod writing;
 
-pub use seeds::seeds;
+pub use seeds::{Seeded, seeds};
 pub use subset::write_subset;
 pub use writing::write;
 

@@ -22,10 +22,23 @@ use crate::world::policy::PolicyShape;
 /// # Errors
 /// `is_bad_input` if observations or actions have another size, or nothing that is observed varies.
 pub fn check_fits(set: &DemonstrationSet, task: &Specification) -> Result<()> {
-    let sizes = [
-        ("observation", set.observation_size(), task.observation_size),
-        ("action", set.action_size(), task.action_size),
-    ];
+    check_sizes(set.observation_size(), set.action_size(), task)?;
+    if !data_only::observations_vary(set) {
+        return Err(Error::bad_input(
+            "no number of the observations varies over the set, so nothing can be learned from it: a policy could not tell one \
+             state from another",
+        )
+        .with_hint("check which columns were recorded; `demosift inspect` shows them"));
+    }
+    Ok(())
+}
+
+/// Whether a set with so many numbers in an observation and an action was recorded in a task of these sizes.
+///
+/// # Errors
+/// `is_bad_input` if one of them differs.
+pub fn check_sizes(observed: usize, acted: usize, task: &Specification) -> Result<()> {
+    let sizes = [("observation", observed, task.observation_size), ("action", acted, task.action_size)];
     for (what, found, wanted) in sizes {
         if found != wanted {
             return Err(Error::bad_input(format!(
@@ -34,13 +47,6 @@ pub fn check_fits(set: &DemonstrationSet, task: &Specification) -> Result<()> {
             ))
             .with_hint("check that the set was recorded in this task"));
         }
-    }
-    if !data_only::observations_vary(set) {
-        return Err(Error::bad_input(
-            "no number of the observations varies over the set, so nothing can be learned from it: a policy could not tell one \
-             state from another",
-        )
-        .with_hint("check which columns were recorded; `demosift inspect` shows them"));
     }
     Ok(())
 }

@@ -115,7 +115,7 @@ pub fn read_states(path: &Path, source: &Source, most: usize) -> Result<Vec<Opti
         let is_chosen = count < most && source.ids.iter().any(|id| id.0 == position);
         let group = data.group(label).map_err(damaged)?;
         let recording = match is_chosen {
-            true => recording(&group, opened.file_len).map_err(|error| error.during(label))?,
+            true => recording(&group, source, opened.file_len).map_err(|error| error.during(label))?,
             false => None,
         };
         count += usize::from(recording.is_some());
@@ -124,9 +124,10 @@ pub fn read_states(path: &Path, source: &Source, most: usize) -> Result<Vec<Opti
     Ok(found)
 }
 
-fn recording(group: &Group, file_len: u64) -> Result<Option<Recording>> {
-    let Some(states) = table(group, "states", file_len)? else { return Ok(None) };
-    let Some(actions) = table(group, "actions", file_len)? else { return Ok(None) };
+fn recording(group: &Group, source: &Source, file_len: u64) -> Result<Option<Recording>> {
+    let Some(states) = find(group, "states")? else { return Ok(None) };
+    let states = hdf5::rows_in_full(&states, "states", file_len)?;
+    let actions = hdf5::read_columns_in_full(group, &source.columns.actions, file_len)?;
     if states.len() != actions.len() {
         return Err(Error::bad_input(format!(
             "there are {} states and {} actions; wanted one state an action",
@@ -135,14 +136,6 @@ fn recording(group: &Group, file_len: u64) -> Result<Option<Recording>> {
         )));
     }
     Ok(Some(Recording { model: text(group, "model_file")?, states, actions }))
-}
-
-/// The rows of a table, with all their bits.
-fn table(group: &Group, name: &str, file_len: u64) -> Result<Option<Vec<Vec<f64>>>> {
-    let Some(dataset) = find(group, name)? else { return Ok(None) };
-    let (_, width) = hdf5::check_table(&dataset, name, file_len)?;
-    let numbers = dataset.read_f64().map_err(damaged)?;
-    Ok(Some(numbers.chunks_exact(width).map(<[f64]>::to_vec).collect()))
 }
 
 /// The text of an attribute, if it is there and is one.
