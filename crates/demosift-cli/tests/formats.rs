@@ -169,10 +169,10 @@ fn a_look_at_a_set_says_what_is_odd() {
     file.write(scratch.0.join("odd.hdf5")).unwrap();
     let seen = scratch.succeed("inspect odd.hdf5 --task point_mass");
     for part in [
-        "1 steps after the last complete episode",
-        "not finite at 1 steps",
+        "1 step after the last complete episode was left out",
+        "not finite at 1 step",
         "constant",
-        "outside [-1, 1] at 1 steps",
+        "outside [-1, 1] at 1 step",
         "Nobody can learn from this set: episode 1: observation 0 at step 0 is NaN",
         "It does not fit the task",
     ] {
@@ -187,6 +187,68 @@ fn a_look_at_a_set_says_what_is_odd() {
     let output = scratch.run("inspect set --format hdf");
     let complaint = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.code() == Some(2) && complaint.contains("minari-parquet"), "{complaint}");
+}
+
+#[test]
+fn a_rate_that_lerobot_has_no_place_for_is_told() {
+    let scratch = Scratch::new("rate");
+    let set = in_repository("crates/demosift/tests/formats/lerobot_ragged");
+    let convert = format!("convert {} --to lerobot --skip-bad", set.display());
+    let output = scratch.run(&format!("{convert} rounded"));
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && said.contains("has 12.5 steps a second, and 13 is written"), "{said}");
+    let output = scratch.run(&format!("{convert} --fps 25 asked"));
+    assert!(!String::from_utf8(output.stderr).unwrap().contains("12.5"));
+}
+
+/// They are for a column beside the ranking, and for replays.
+#[test]
+fn states_that_cannot_be_used_are_left_out_with_a_word() {
+    let scratch = Scratch::new("no-states");
+    let set = d4rl::read(&in_repository("data/free_throw_8").join("demonstrations.hdf5")).unwrap();
+    let states = d4rl::read_states(&in_repository("data/free_throw_8").join("demonstrations.hdf5"));
+    let states = states.unwrap().unwrap();
+    let write = |name: &str, change: &dyn Fn(usize, &mut Vec<f64>)| {
+        let mut changed = states.clone();
+        changed.iter_mut().enumerate().for_each(|(at, log)| change(at, &mut log.qpos));
+        let episodes = set.iter().zip(&changed).map(|((_, one), log)| d4rl::Episode {
+            observations: one.observations(),
+            actions: one.actions(),
+            states: Some(d4rl::States { qpos: &log.qpos, qvel: &log.qvel }),
+            terminated: false,
+        });
+        d4rl::write(&scratch.0.join(name), &episodes.collect::<Vec<_>>()).unwrap();
+    };
+    let steps = set.iter().next().unwrap().1.steps();
+    let width = states[0].qpos.len() / steps;
+    write("nan.hdf5", &|at, qpos| qpos[3 * width + 1] = if at == 1 { f64::NAN } else { qpos[3 * width + 1] });
+    write("narrow.hdf5", &|_, qpos| qpos.truncate(steps * (width - 1)));
+    let note = |arguments: &str| {
+        let output = scratch.run(arguments);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success(), "{arguments}: {said}");
+        said
+    };
+    let left_out = "note: the recorded states are left out: episode ";
+    for (name, wanted) in [("nan", "1: qpos[1] at step 3 is NaN"), ("narrow", "0: ")] {
+        let said = note(&format!("inspect {name}.hdf5 --task free_throw"));
+        assert!(said.contains(&format!("{left_out}{wanted}")) && said.contains(".hdf5"), "{said}");
+    }
+    let said = note("convert nan.hdf5 --to lerobot --task free_throw converted");
+    assert!(said.contains(left_out), "{said}");
+    assert_eq!(demonstration::open::read_states(&scratch.0.join("converted"), None).unwrap(), None);
+
+    let mut file = FileBuilder::new();
+    for (name, width) in [("observations", 4), ("actions", 2)] {
+        file.create_dataset(name).with_f64_data(&vec![0.5; 4 * width]).with_shape(&[4, width as u64]);
+    }
+    file.create_dataset("timeouts").with_u8_data(&[0, 1, 0, 1]);
+    let mut infos = file.create_group("infos");
+    infos.create_dataset("qpos").with_f64_data(&[0.5; 8]).with_shape(&[4, 2]);
+    file.add_group(infos.finish());
+    file.write(scratch.0.join("half.hdf5")).unwrap();
+    let said = note("inspect half.hdf5 --task point_mass");
+    assert!(said.contains("holds 'infos/qpos' but no 'infos/qvel'") && said.contains("left out"), "{said}");
 }
 
 #[test]

@@ -290,6 +290,13 @@ fn mistakes_are_told() {
     scratch.succeed("report begun");
     // A set that has moved is found again where the user says it is.
     std::fs::rename(scratch.0.join("set"), scratch.0.join("moved")).unwrap();
-    assert!(complaint("report begun").contains("demonstrations.hdf5"));
+    let said = complaint("report begun");
+    assert!(said.contains("demonstrations.hdf5") && said.contains("--data SET"), "{said}");
     scratch.succeed("report begun --data moved");
+    scratch.succeed("select --out begun --resume moved");
+    assert!(complaint("export begun --as csv").contains("--data SET of `export` and `report`"));
+    assert!(scratch.succeed("export begun --as csv --data moved").contains("demonstration,label"));
+    let other = demosift::world::point_mass::planted_set(&[0.0, 90.0], demosift::basics::seed::Seed::new(4));
+    crate::support::write_set(&scratch.0.join("other.hdf5"), &other.unwrap());
+    assert!(complaint("export begun --as csv --data other.hdf5").contains("are not those of the run"));
 }

@@ -143,7 +143,7 @@ fn a_set_that_cannot_be_read_is_one_of_the_findings() {
     // One episode is not enough to choose from, and enough to be held against the task.
     let output = scratch.run("task check block --data one.hdf5");
     let said = String::from_utf8(output.stdout).unwrap();
-    assert!(said.contains("1 demonstration with 2 observed numbers and 1 actions fit the task"), "{said}");
+    assert!(said.contains("1 demonstration with 2 observed numbers and 1 action fit the task"), "{said}");
 }
 
 #[test]

@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use demosift::Error;
+use demosift::data::demonstration::choice::Choice;
 use demosift::data::demonstration::episode::{Columns, Format, Source};
 use demosift::data::demonstration::listing::Used;
 use demosift::data::demonstration::open;
@@ -173,7 +174,7 @@ fn integers_halves_truth_and_columns_of_one_dimension_are_numbers() {
             assert_eq!((&observed[3..], acted), (&[place, goes_on][..], &[2.0 * place - 12.0, ends][..]));
         }
     }
-    for (name, wanted) in [("words", "text; wanted numbers"), ("image", "images are not read")] {
+    for (name, wanted) in [("words", "text; wanted numbers"), ("image", "dimensions are not read")] {
         let error = open::open(&path, None, &columns(&[name], &["one"])).unwrap_err();
         assert_says(&error, &[name, wanted]);
     }
@@ -185,6 +186,48 @@ fn integers_halves_truth_and_columns_of_one_dimension_are_numbers() {
         ["half", "integers", "image", "words", "timeouts"].map(used),
         [Used::Observation, Used::Action, Used::Image, Used::NoNumbers, Used::Not]
     );
+}
+
+#[test]
+fn a_bad_row_of_lerobot_costs_its_episode_alone() {
+    let scratch = Scratch::new("ragged");
+    let path = scratch.copy("lerobot_ragged");
+    // What macOS leaves beside a file is no table.
+    fs::write(path.join("data/chunk-000/._file-000.parquet"), b"x").unwrap();
+    let source = read(&path).unwrap();
+    let faults: Vec<&str> = source.episodes.iter().filter_map(|one| one.unreadable.as_deref()).collect();
+    assert_eq!(faults.len(), 3);
+    for (fault, wanted) in faults.iter().zip([
+        "at step 2 'action' is empty or lacks a number",
+        "at step 1 'action' has 1 number, and 2 in most rows",
+        "step 2 has frame_index 3; wanted 2",
+    ]) {
+        assert!(fault.contains(wanted) && fault.contains("file-000.parquet"), "{fault}");
+    }
+    assert_says(&source.set().unwrap_err(), &["episode 1: at step 2", "--skip-bad", "--without 1,2,3"]);
+    let skip = Choice { skip_bad: true, ..Choice::default() };
+    let chosen = open::open_chosen(&path, None, &Columns::default(), &skip).unwrap();
+    assert_eq!((chosen.left_out.len(), chosen.set().unwrap().len()), (3, 2));
+    assert_eq!(chosen.episodes[1].actions.row(3)[1], (4.0_f32 + 0.3 + 1.0).cos() / 2.0);
+}
+
+/// h5py follows them, and the reader that is used here does not.
+#[test]
+fn links_of_hdf5_are_told_from_damage() {
+    for name in ["link_column.hdf5", "link_episode.hdf5"] {
+        let error = read(&fixture(name)).unwrap_err();
+        assert_says(&error, &["soft link, which is not followed", name, "expand_soft=True"]);
+        assert!(!error.to_string().contains("damaged"), "{error}");
+    }
+    // External links make h5py write a group that seems to hold nothing.
+    let scratch = Scratch::new("links");
+    let path = scratch.0.join("external.hdf5");
+    let mut file = hdf5_pure::FileBuilder::new();
+    let data = file.create_group("data");
+    file.add_group(data.finish());
+    file.write(&path).unwrap();
+    let wanted = &["'data' holds no episode", "links are not followed", "expand_external=True"];
+    assert_says(&read(&path).unwrap_err(), wanted);
 }
 
 #[test]

@@ -28,7 +28,7 @@ fn of_answers() -> Vec<(&'static str, Schema)> {
         ("export", of::<Export<'_>>("demosift export --as json")),
         ("goals", of::<Goals<'_>>("sift, select, referee and imitate of a task with several goals")),
         ("imitate", of::<OfRun<'_, Imitate<'_>>>("demosift imitate")),
-        ("imitate-named", of::<OfRun<'_, ImitateNamed<'_>>>("demosift imitate --demonstrations")),
+        ("imitate-named", of::<OfRun<'_, ImitateNamed<'_>>>("demosift imitate --demonstration-ids")),
         ("inspect", of::<Inspect<'_>>("demosift inspect")),
         ("judge", of::<OfRun<'_, Judge<'_>>>("demosift judge")),
         ("judge-prior", of::<OfRun<'_, Standings<'_>>>("demosift judge --prior")),

@@ -65,6 +65,9 @@ pub(crate) struct ExportArguments {
     /// What to make of the kept demonstrations, or of the policies
     #[arg(long = "as", value_enum, value_name = "FORM")]
     pub(crate) form: Form,
+    /// Where the demonstrations are now, if they have moved since
+    #[arg(long, value_name = "SET")]
+    pub(crate) data: Option<PathBuf>,
     /// A new file or folder [default for words: standard output]
     #[arg(long, value_name = "PATH")]
     pub(crate) out: Option<PathBuf>,

@@ -2,16 +2,17 @@
 
 use std::path::Path;
 
-use demosift::data::demonstration::episode::{Episode, Format, Source};
+use demosift::basics::counting::counted;
+use demosift::data::demonstration::episode::{Format, Source};
 use demosift::data::demonstration::lerobot::{Described, Videos};
-use demosift::data::demonstration::{self, DemoId, lerobot, minari};
-use demosift::data::trajectory::StateLog;
+use demosift::data::demonstration::{lerobot, minari};
 use demosift::{Error, Result};
 
 use crate::answers;
 use crate::arguments::{ConvertArguments, Target};
 use crate::files::writing::undisturbed;
 use crate::job::demonstrations::{self, Opened, Said};
+use crate::job::states;
 use crate::{console::terminal, task};
 
 pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
@@ -26,8 +27,7 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
             let asked = Asked { fps: arguments.fps, task: arguments.task.as_deref(), out };
             let described = described(&source, &path, &said, &asked)?;
             described.videos.missing.iter().for_each(|words| terminal::note(words));
-            let states = demonstration::open::read_states(&path, Some(source.format))?;
-            let (_, states) = chosen(&source, states.as_deref(), &source.ids)?;
+            let states = states::usable(&path, &source, None)?;
             undisturbed(|| {
                 lerobot::write(out, &source.episodes, states.as_deref(), &described)?;
                 demonstrations::hand_on(&said, out)
@@ -46,11 +46,8 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
         terminal::show_json(&answers::Convert { episodes: source.episodes.len(), steps: total, out });
         return Ok(());
     }
-    let count = match source.episodes.len() {
-        1 => "1 episode".to_owned(),
-        several => format!("{several} episodes"),
-    };
-    terminal::show(&format!("{count} of {total} steps in all: {}\n", out.display()));
+    let (count, total) = (counted(source.episodes.len(), "episode"), counted(total, "step"));
+    terminal::show(&format!("{count} of {total} in all: {}\n", out.display()));
     Ok(())
 }
 
@@ -77,13 +74,22 @@ pub(super) fn described(source: &Source, path: &Path, said: &Said, asked: &Asked
         described.videos = Videos { missing: vec![left], ..Videos::default() };
     }
     let whole = |rate: f64| (rate.round().max(1.0)) as u32;
-    let told = source.says.steps_per_sec.or(said.set_file.rate).map(whole);
+    let rate = source.says.steps_per_sec.or(said.set_file.rate);
+    let told = rate.map(whole);
     described.steps_per_sec = match (asked.fps, described.steps_per_sec, told) {
         (Some(given), ..) => given,
         (None, 0, Some(told)) => told,
         (None, 0, None) => rate_of_task(asked.task)?,
         (None, described, _) => described,
     };
+    let written = described.steps_per_sec;
+    if let Some(rate) =
+        rate.filter(|rate| asked.fps.is_none() && (rate - f64::from(written)).abs() > 1e-6 * rate)
+    {
+        terminal::note(&format!(
+            "the set has {rate} steps a second, and {written} is written: LeRobot keeps a whole number; --fps N says another one"
+        ));
+    }
     if described.tasks.is_empty() {
         described.tasks = vec![asked.task.map_or_else(|| name_of(asked.out), task_name)];
     }
@@ -119,17 +125,4 @@ pub(super) fn minari_id(out: &Path) -> String {
 
 fn name_of(out: &Path) -> String {
     out.file_name().map_or_else(|| "demonstrations".to_owned(), |name| name.to_string_lossy().into_owned())
-}
-
-/// The demonstrations of these places in the set, with their states where there are any.
-pub(super) fn chosen(
-    source: &Source,
-    states: Option<&[StateLog]>,
-    ids: &[DemoId],
-) -> Result<(Vec<Episode>, Option<Vec<StateLog>>)> {
-    let episodes = ids.iter().filter_map(|&id| source.episode(id).cloned()).collect();
-    let states = states.map(|states| {
-        ids.iter().map(|&id| demonstrations::states_of(states, id).cloned()).collect::<Result<_>>()
-    });
-    Ok((episodes, states.transpose()?))
 }

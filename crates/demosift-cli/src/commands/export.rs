@@ -4,9 +4,10 @@ mod policies;
 
 use std::path::{Path, PathBuf};
 
+use demosift::basics::counting::counted;
 use demosift::basics::files;
 use demosift::data::demonstration::episode::Format;
-use demosift::data::demonstration::{self, DemoId, DemonstrationSet, lerobot, minari, robomimic};
+use demosift::data::demonstration::{DemoId, DemonstrationSet, lerobot, minari, robomimic};
 use demosift::results::artifact::Artifact as _;
 use demosift::results::uncertainty::Uncertainty;
 use demosift::stages::referee::Verdict;
@@ -19,10 +20,12 @@ use serde_json::Value;
 use super::convert::{self, Asked};
 use crate::answers::{self, Exported};
 use crate::arguments::{ExportArguments, Form, SetArguments};
+use crate::console::quoting::{quoted, quoted_path};
 use crate::files::writing::undisturbed;
 use crate::job::demonstrations::{self, Demonstrations};
 use crate::job::identity::{Data, Identity};
 use crate::job::run_folder::{self, RunFolder};
+use crate::job::states;
 use crate::{console::terminal, tables};
 
 /// How many demonstrations are named one by one.
@@ -71,29 +74,38 @@ fn write_lerobot(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
         let of_kept = source.ids.iter().zip(&described.tasks).filter(|(id, _)| kept.ids.contains(id));
         described.tasks = of_kept.map(|(_, task)| task.clone()).collect();
     }
-    let is_kept = |place: &usize| source.ids.get(*place).is_some_and(|id| kept.ids.contains(id));
-    let places: Vec<usize> = (0..source.ids.len()).filter(is_kept).collect();
+    let places = places(kept);
     described.videos = described.videos.of(&places);
     described.videos.missing.iter().for_each(|words| terminal::note(words));
-    let states =
-        demonstration::open::read_states(&kept.demonstrations.path, Some(kept.demonstrations.source.format))?;
-    let (episodes, states) = convert::chosen(&kept.demonstrations.source, states.as_deref(), &kept.ids)?;
+    let states = states::usable(path, source, None)?.map(|states| at(&places, &states));
+    let episodes = at(&places, &source.episodes);
     undisturbed(|| {
         lerobot::write(&out, &episodes, states.as_deref(), &described)?;
         demonstrations::hand_on(said, &out)
     })?;
     written(kept, &out)?;
     let name = out.file_name().unwrap_or_default().to_string_lossy();
-    let options = format!("--dataset.repo_id=local/{name} --dataset.root={}", out.display());
+    let id = quoted(&format!("local/{name}"));
+    let options = format!("--dataset.repo_id={id} --dataset.root={}", quoted_path(&out));
     terminal::note(&format!("train on it: {}", training(&options, !described.videos.cameras.is_empty())));
     Ok(())
+}
+
+/// Where the kept demonstrations stand among the episodes that were read.
+fn places(kept: &Kept) -> Vec<usize> {
+    let ids = &kept.demonstrations.source.ids;
+    (0..ids.len()).filter(|place| kept.ids.contains(&ids[*place])).collect()
+}
+
+fn at<T: Clone>(places: &[usize], all: &[T]) -> Vec<T> {
+    places.iter().map(|place| all[*place].clone()).collect()
 }
 
 fn write_minari(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     let out = folder(arguments)?;
     let name = convert::minari_id(&out);
     let Demonstrations { source, path, said, .. } = &kept.demonstrations;
-    let (episodes, _) = convert::chosen(source, None, &kept.ids)?;
+    let episodes = at(&places(kept), &source.episodes);
     let bounds = demonstrations::action_bounds(source, said);
     undisturbed(|| {
         match source.format {
@@ -111,14 +123,15 @@ fn open(arguments: &ExportArguments) -> Result<Kept> {
     let data = identity.data.clone().ok_or_else(|| {
         Error::bad_input("this run has no demonstrations; wanted one of sift or select").at(run)
     })?;
-    let demonstrations = demonstrations::open(None, &SetArguments::default(), Some(&data), None)?;
+    let demonstrations =
+        demonstrations::open(arguments.data.as_deref(), &SetArguments::default(), Some(&data), None)?;
     let found = demonstrations.data()?.sha256;
     if found != data.sha256 {
         return Err(Error::bad_input(format!(
             "the demonstrations are not those of the run: their SHA-256 was {}, and is {found} now",
             data.sha256
         ))
-        .at(&data.path));
+        .at(&demonstrations.path));
     }
     let choice = match &arguments.demonstration_ids[..] {
         [] => choice_of_run(run, &identity, &folder)?,
@@ -226,7 +239,10 @@ fn write_episode_list(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     let list = episode_list(kept)?;
     say(&format!("{list}\n"), arguments)?;
     let Demonstrations { source, path, .. } = &kept.demonstrations;
-    let root = path.display();
+    if source.format == Format::LeRobotV2 {
+        terminal::note(&of_older_version(path));
+    }
+    let root = quoted_path(path);
     let options = format!("--dataset.repo_id=YOUR/SET --dataset.root={root} --dataset.episodes=\"{list}\"");
     let has_camera = !lerobot::description(path, source)?.videos.cameras.is_empty();
     terminal::note(&format!("train on these: {}", training(&options, has_camera)));
@@ -242,11 +258,24 @@ fn write_episode_list(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
         terminal::note(&format!(
             "delete the rest, in a new set within the folder of this one: lerobot-edit-dataset --repo_id YOUR/SET --root {root} \
              --new_repo_id SET_kept --operation.type delete_episodes --operation.episode_indices \"[{}]\"; it lies in \
-             {root}/SET_kept then",
-            rest.join(",")
+             {} then",
+            rest.join(","),
+            quoted_path(&path.join("SET_kept"))
         ));
     }
     Ok(())
+}
+
+/// What has to be done to a set before the commands of LeRobot 0.4 take it: its converter looks for the folder by the id below the
+/// root, and puts the new set in its place.
+fn of_older_version(path: &Path) -> String {
+    let folder = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let root = folder.parent().map_or_else(|| ".".to_owned(), quoted_path);
+    let id = quoted(&folder.file_name().unwrap_or_default().to_string_lossy());
+    format!(
+        "LeRobot 0.4 takes version 3.0 only, and this set is of an older one; its converter makes it 3.0 in place, from 2.1: \
+         python -m lerobot.datasets.v30.convert_dataset_v21_to_v30 --repo-id={id} --root={root} --push-to-hub=false"
+    )
 }
 
 fn label(kept: &Kept, demo: DemoId) -> String {
@@ -281,9 +310,9 @@ fn add_filter_key(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     // In place, so a write that is cut short could take the whole file with it.
     undisturbed(|| robomimic::add_filter_key(path, &arguments.name, &labels(kept)))?;
     terminal::show(&format!(
-        "Filter key '{}' of {} demonstrations: {}\n",
+        "Filter key '{}' of {}: {}\n",
         arguments.name,
-        kept.ids.len(),
+        counted(kept.ids.len(), "demonstration"),
         path.display()
     ));
     Ok(())

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use demosift::Result;
+use demosift::basics::counting::counted;
 use demosift::data::demonstration::choice;
 use demosift::data::demonstration::episode::Source;
 use demosift::data::demonstration::inspection::{self, Inspection, Look, Spread};
@@ -128,7 +129,7 @@ fn fits(chosen: &Chosen, source: &Source, said: &Said, path: &Path) -> Result<Fi
     if let (Some(misfit), true) = (&misfit, sizes != (task.observation_size, task.action_size)) {
         return no(misfit.clone());
     }
-    let mut findings = fit::findings(chosen, &Held::of(source, said, path)?)?;
+    let mut findings = fit::findings(chosen, &Held::of(source, said, path, chosen.mujoco.as_ref())?)?;
     findings.extend(misfit.map(|message| Finding {
         severity: Severity::Error,
         message,
@@ -143,12 +144,13 @@ fn fits(chosen: &Chosen, source: &Source, said: &Said, path: &Path) -> Result<Fi
 fn summary(seen: &Inspection) -> String {
     let lengths = seen.episodes.iter().map(|episode| episode.steps);
     let span = match (lengths.clone().min(), lengths.max()) {
-        (Some(least), Some(most)) if least == most => format!("of {least} steps each"),
+        (Some(least), Some(most)) if least == most => format!("of {} each", counted(least, "step")),
         (Some(least), Some(most)) => format!("of {least} to {most} steps, {} in all", seen.steps),
         _ => String::new(),
     };
     let dropped = match seen.dropped_steps {
         0 => String::new(),
+        1 => "\n1 step after the last complete episode was left out.".to_owned(),
         steps => format!("\n{steps} steps after the last complete episode were left out."),
     };
     let left_out: String = choice::in_words(&seen.left_out)
@@ -157,17 +159,13 @@ fn summary(seen: &Inspection) -> String {
         .map(|words| format!("\n{}", wrapped(words)))
         .collect();
     format!(
-        "{} {span}, stored as {}.\nAn observation is {} ({} numbers), an action {} ({} numbers).{dropped}{left_out}",
-        if seen.episodes.len() == 1 {
-            "1 episode".to_owned()
-        } else {
-            format!("{} episodes", seen.episodes.len())
-        },
+        "{} {span}, stored as {}.\nAn observation is {} ({}), an action {} ({}).{dropped}{left_out}",
+        counted(seen.episodes.len(), "episode"),
         seen.format,
         seen.columns.observations.join(" + "),
-        seen.observations.len(),
+        counted(seen.observations.len(), "number"),
         seen.columns.actions.join(" + "),
-        seen.actions.len()
+        counted(seen.actions.len(), "number")
     )
 }
 
@@ -313,10 +311,10 @@ fn remarks(spread: &Spread, bounded: bool) -> String {
         remarks.push("constant".to_owned());
     }
     if spread.not_finite > 0 {
-        remarks.push(format!("not finite at {} steps", spread.not_finite));
+        remarks.push(format!("not finite at {}", counted(spread.not_finite, "step")));
     }
     if bounded && spread.outside > 0 {
-        remarks.push(format!("outside [-1, 1] at {} steps", spread.outside));
+        remarks.push(format!("outside [-1, 1] at {}", counted(spread.outside, "step")));
     }
     remarks.join(", ")
 }

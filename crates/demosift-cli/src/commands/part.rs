@@ -3,6 +3,7 @@
 use demosift::Result;
 
 use crate::answers::PartDone;
+use crate::console::quoting::quoted_path;
 use crate::console::terminal;
 use crate::job::Job;
 
@@ -29,6 +30,6 @@ pub(super) fn done(job: &Job, command: &str, left: &[String], json: bool) {
     };
     terminal::show(&format!(
         "Part {part} is done; {state}.\n\nThe results of all parts: demosift {command} --out {} --resume\n",
-        run_folder.display()
+        quoted_path(run_folder)
     ));
 }

@@ -111,7 +111,8 @@ fn held_against(task: &MujocoTask, chosen: &Chosen, data: &Path, how: &SetArgume
     let mut opened = demonstrations::open_unchecked(Some(data), how, None)?;
     opened.read_for(Some(chosen))?;
     let Opened { source, path, said, .. } = opened;
-    let held = Held::of(&source, &said, &path).map_err(|error| error.at(&path))?;
+    // States of another model are a finding here.
+    let held = Held::of(&source, &said, &path, None).map_err(|error| error.at(&path))?;
     demonstrations::say_what_is_not_read(&source);
     let (recorded, findings) = check::compare_presented(task, &held.presented())?;
     Ok(Against { recorded, findings, said })

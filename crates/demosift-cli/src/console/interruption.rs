@@ -17,6 +17,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use signal_hook::{flag, low_level};
 
+use crate::console::quoting::quoted;
 use crate::{console::terminal, files::lock as locks, files::writing};
 
 /// The run folder, once there is one.
@@ -84,16 +85,6 @@ fn command_to_go_on(typed: impl Iterator<Item = String>, goes_on: GoesOn) -> Str
         words.insert(options, "--resume".to_owned());
     }
     words.join(" ")
-}
-
-/// A word as a shell reads it back.
-fn quoted(word: &str) -> String {
-    let plain = |letter: char| letter.is_ascii_alphanumeric() || "_-./=,:+@%".contains(letter);
-    if !word.is_empty() && word.chars().all(plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', r"'\''"))
-    }
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

@@ -290,6 +290,12 @@ pub(crate) fn open_unchecked(
             .at(given)
             .with_hint(go_on));
     }
+    if recorded.is_some_and(|data| data.path == given) && !given.exists() {
+        return Err(Error::bad_input("the demonstrations of the run are not where they were").at(given).with_hint(
+            "if they have moved, say where they are now: --data SET of `export` and `report`, or their path in a command that \
+             goes on with the run",
+        ));
+    }
     let columns = match recorded {
         Some(data) if how.columns().are_usual() => data.columns.clone(),
         _ => how.columns(),

@@ -2,15 +2,17 @@
 
 use std::path::Path;
 
+use demosift::data::demonstration::Demonstration;
 use demosift::data::demonstration::episode::Source;
 use demosift::data::demonstration::timing;
-use demosift::data::demonstration::{self, Demonstration};
 use demosift::data::trajectory::StateLog;
 use demosift::{Error, Result};
 use demosift_mujoco::check::{self, Finding, Presented, Severity};
+use demosift_mujoco::mujoco_task::MujocoTask;
 
 use crate::console::terminal;
-use crate::job::demonstrations::{self, Said};
+use crate::job::demonstrations::Said;
+use crate::job::states;
 use crate::task::Chosen;
 
 /// A set that was read for a task, with all that is known of its numbers.
@@ -24,17 +26,20 @@ pub(crate) struct Held<'a> {
 }
 
 impl<'a> Held<'a> {
+    /// States that are not of the model of `task`, where one is given, are left out with a note.
+    ///
     /// # Errors
-    /// If one of the episodes is none to learn from, or states cannot be read.
-    pub(crate) fn of(source: &'a Source, said: &'a Said, path: &Path) -> Result<Self> {
-        let states = demonstration::open::read_states(path, Some(source.format))?;
-        let chosen = |states: Vec<StateLog>| {
-            source.ids.iter().map(|&demo| demonstrations::states_of(&states, demo).cloned()).collect()
-        };
+    /// If one of the episodes is none to learn from.
+    pub(crate) fn of(
+        source: &'a Source,
+        said: &'a Said,
+        path: &Path,
+        task: Option<&MujocoTask>,
+    ) -> Result<Self> {
         Ok(Self {
             set: source.demonstrations()?,
             recorded: if source.conversion.is_none() { None } else { Some(source.recorded()?) },
-            states: states.map(chosen).transpose()?,
+            states: states::usable(path, source, task)?,
             source,
             said,
         })
@@ -62,7 +67,7 @@ pub(crate) fn findings(chosen: &Chosen, held: &Held<'_>) -> Result<Vec<Finding>>
 /// # Errors
 /// `is_bad_input` if so; the hint says what would mend it.
 pub(crate) fn check(chosen: &Chosen, source: &Source, said: &Said, path: &Path) -> Result<()> {
-    let held = Held::of(source, said, path).map_err(|error| error.at(path))?;
+    let held = Held::of(source, said, path, chosen.mujoco.as_ref()).map_err(|error| error.at(path))?;
     let findings = findings(chosen, &held)?;
     let of = |severity: Severity| findings.iter().filter(move |finding| finding.severity == severity);
     if of(Severity::Error).next().is_none() {

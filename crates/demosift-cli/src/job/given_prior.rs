@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
+use demosift::basics::counting::counted;
 use demosift::basics::files;
 use demosift::basics::ledger::Ledger as _;
 use demosift::data::demonstration::DemonstrationSet;
+use demosift::data::demonstration::episode::RECORDED;
 use demosift::learning::adapt::MetaPrior;
 use demosift::results::artifact::Artifact as _;
 use demosift::run::experiment::Config;
@@ -39,6 +41,11 @@ impl GivenPrior {
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let (identity, folder) = run_folder::of_finished(path)?;
         let values = run_folder::read_configuration(path, &identity)?;
+        if path.join(RECORDED).exists() {
+            return Err(Error::bad_input("this is the folder of a `record`, which has demonstrations and no prior")
+                .at(path)
+                .with_hint("give the folder of a run that has one: of `demosift meta-train`, or of judge or sift without --judge cloning"));
+        }
         let config: Config = configuration::config_of_job(values.clone()).map_err(|error| error.at(path))?;
         let (Some(prior), Some(bytes)) =
             (MetaPrior::recall(&folder, "").map_err(|error| error.at(path))?, folder.recall(PRIOR)?)
@@ -95,7 +102,8 @@ impl GivenPrior {
         match sizes.into_iter().find(|(_, found, wanted)| found != wanted) {
             None => Ok(()),
             Some((what, found, wanted)) => Err(Error::bad_input(format!(
-                "the demonstrations have {found} numbers in an {what}, but the prior was trained on {wanted}"
+                "the demonstrations have {} in an {what}, but the prior was trained on {wanted}",
+                counted(found, "number")
             ))
             .with_hint(format!("the prior is that of {}", self.origin.run.display()))),
         }

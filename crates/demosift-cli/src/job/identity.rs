@@ -116,6 +116,12 @@ pub(super) fn check_same(begun: &Begun, identity: &Identity, configuration: &Tab
     };
     let text = |value: Option<String>| value.unwrap_or_else(|| "none".to_owned());
     let variant = |identity: &Identity| identity.variant.clone().unwrap_or_else(|| "all of them".to_owned());
+    if old.data.is_none() && identity.data.is_some() {
+        return Err(Error::bad_config(
+            "the run folder is of another run: it began without demonstrations, as one of `record` does",
+        )
+        .with_hint("give another folder to --out; what `record` wrote is a set: demosift sift FOLDER"));
+    }
     let pairs = [
         ("the version of demosift", old.demosift.clone(), identity.demosift.clone()),
         ("the variant", variant(old), variant(identity)),

@@ -8,6 +8,7 @@ pub(crate) mod identity;
 pub(crate) mod own_heuristic;
 pub(crate) mod request;
 pub(crate) mod run_folder;
+pub(crate) mod states;
 pub(crate) mod threads;
 
 use std::path::{Path, PathBuf};

@@ -238,7 +238,12 @@ fn open_set(entry: &SetEntry, file: &File, folders: Folders<'_>) -> Result<Found
     }
     let chosen = choose(entry, folders)?;
     demonstrations::read_for(&mut source, &said, Some(&chosen))?;
-    let whole = source.set().map_err(|error| error.at(&path))?;
+    let whole = source.set().map_err(|error| {
+        // A study has no option that leaves them out.
+        Error::bad_input(error.message()).at(&path).with_hint(
+            "make a set without the bad episodes and name that: demosift convert SET --skip-bad --to minari FOLDER",
+        )
+    })?;
     fit::check(&chosen, &source, &said, &path)?;
     let set = match &entry.episodes {
         Some(episodes) => part_of(&whole, episodes)?,

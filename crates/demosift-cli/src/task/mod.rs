@@ -79,6 +79,15 @@ pub(crate) fn choose(name_or_path: &str) -> Result<Chosen> {
     })
 }
 
+/// Whether a file holds MJCF in place of the words of a task.
+fn is_model(path: &Path) -> bool {
+    if !path.is_file() {
+        return false;
+    }
+    let is_xml = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml"));
+    is_xml || std::fs::read(path).is_ok_and(|bytes| bytes.trim_ascii_start().starts_with(b"<"))
+}
+
 /// An environment in Python as a task.
 pub(crate) fn in_python(simulated: Simulated) -> Result<Chosen> {
     let task = simulated.task.clone();
@@ -115,6 +124,13 @@ fn users_own(path: &Path) -> Result<Chosen> {
     let absolute =
         std::fs::canonicalize(path).map_err(|error| Error::io("cannot find the task", path, &error))?;
     let name = absolute.to_str().ok_or_else(|| Error::bad_input("the path is not UTF-8").at(path))?;
+    if is_model(&absolute) {
+        return Err(Error::bad_input(
+            "this is a MuJoCo model, and a task is a folder with a task.toml beside its model",
+        )
+        .at(path)
+        .with_hint("`demosift task new` writes such a folder from a model"));
+    }
     let task = registry::load(name)?;
     let folder = if absolute.is_dir() { absolute.as_path() } else { absolute.parent().unwrap_or(&absolute) };
     let values_file = folder.join(VALUES_FILE);

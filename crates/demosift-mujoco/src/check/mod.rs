@@ -21,6 +21,7 @@ mod reach;
 mod recorded;
 mod seen;
 
+pub use demosift::basics::counting::counted as several;
 use demosift::data::demonstration::set_file::SetFile;
 use serde::Serialize;
 
@@ -105,11 +106,6 @@ fn in_first(steps: Option<usize>) -> String {
     steps.map_or(String::new(), |steps| {
         format!(" (of the first {} of each demonstration)", several(steps, "step"))
     })
-}
-
-/// `1 episode`, `2 episodes`.
-pub fn several(count: usize, what: &str) -> String {
-    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 /// The first few of a list, and how many more there are.

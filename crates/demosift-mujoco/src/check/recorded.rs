@@ -153,16 +153,17 @@ fn sizes(task: &MujocoTask, set: &[Demonstration], replayed: bool) -> Vec<Findin
     let wrong = sizes.into_iter().filter(|(_, found, wanted, _)| found != wanted);
     if wrong.clone().next().is_none() {
         return vec![Finding::fine(format!(
-            "{} with {} observed numbers and {} actions fit the task",
+            "{} with {} and {} fit the task",
             several(set.len(), "demonstration"),
-            observation_size(set),
-            action_size(set)
+            several(observation_size(set), "observed number"),
+            several(action_size(set), "action")
         ))];
     }
     wrong
         .filter(|(_, _, _, whose)| !replayed || *whose != "`observation`")
         .map(|(what, found, wanted, whose)| {
-            let message = format!("{what} of the set has {found} numbers, and one of the task {wanted}");
+            let message =
+                format!("{what} of the set has {}, and one of the task {wanted}", several(found, "number"));
             let parts = if whose == "`observation`" { format!(" ({})", widths(task)) } else { String::new() };
             Finding::error(
                 message,

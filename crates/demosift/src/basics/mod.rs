@@ -1,5 +1,6 @@
 //! What every other band may use: errors, random numbers, progress, and how results are kept.
 
+pub mod counting;
 pub(crate) mod error;
 pub mod files;
 pub mod ledger;

@@ -86,6 +86,31 @@ def lerobot_jump(name):
     (root / "meta/info.json").write_text(json.dumps(info))
 
 
+def lerobot_ragged(name):
+    """Five episodes in one table: an action is missing in 1, one of 2 is too short, and a step of 3 is gone."""
+    import json
+
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    root = fresh(name)
+    (root / "meta").mkdir(parents=True)
+    (root / "data/chunk-000").mkdir(parents=True)
+    rows = [(i, t, observations(i, 4)[t].tolist(), actions(i, 4)[t].tolist()) for i in range(5) for t in range(4)]
+    change = {(1, 2): None, (2, 1): [0.5]}
+    rows = [(i, t + (i == 3 and t > 1), o, change.get((i, t), a)) for i, t, o, a in rows]
+    of = lambda place: [row[place] for row in rows]
+    table = pa.table({
+        "observation.state": pa.array(of(2), pa.list_(pa.float32())),
+        "action": pa.array(of(3), pa.list_(pa.float32())),
+        "frame_index": pa.array(of(1), pa.int64()),
+        "episode_index": pa.array(of(0), pa.int64()),
+    })
+    pq.write_table(table, root / "data/chunk-000/file-000.parquet")
+    info = {"codebase_version": "v3.0", "total_episodes": 5, "total_frames": 20, "fps": 12.5, "features": {}}
+    (root / "meta/info.json").write_text(json.dumps(info))
+
+
 def minari(name, data_format):
     import gymnasium as gym
     from minari.data_collector import EpisodeBuffer
@@ -248,6 +273,19 @@ def kinds():
     write("newest.hdf5", libver="latest", compression="gzip")
 
 
+def linked():
+    """A file of robomimic in which an observation, or an episode, is a soft link."""
+    import h5py
+
+    for name, link, target in [("link_column.hdf5", "demo_0/obs/arm", "state"), ("link_episode.hdf5", "demo_2", "demo_0")]:
+        with h5py.File(fresh(name), "w") as file:
+            for i in range(2):
+                file[f"data/demo_{i}/obs/state"] = observations(i, 3)
+                file[f"data/demo_{i}/actions"] = actions(i, 3)
+            place = link.rpartition("/")[0]
+            file[f"data/{link}"] = h5py.SoftLink(f"/data/{place}/{target}".replace("//", "/"))
+
+
 def packed():
     """The same numbers under every filter that is taken back outside of the HDF5 reader, and once without any."""
     import h5py
@@ -298,6 +336,7 @@ TOOLS = {
     "lerobot-v3": lambda: lerobot("lerobot_v3"),
     "lerobot-v2": lambda: lerobot("lerobot_v2"),
     "lerobot-jump": lambda: lerobot_jump("lerobot_jump"),
+    "lerobot-ragged": lambda: lerobot_ragged("lerobot_ragged"),
     "minari": lambda: (minari("minari_hdf5", "hdf5"), minari("minari_parquet", "parquet"),
                        minari("minari_parquet_dict", "parquet")),
     "robomimic": lambda: robomimic("robomimic.hdf5"),
@@ -309,6 +348,7 @@ TOOLS = {
     "aloha": lambda: aloha("aloha"),
     "zstd": lambda: (zstd("lerobot_v3", "lerobot_v3_zstd"), zstd("lerobot_v2", "lerobot_v2_zstd")),
     "kinds": kinds,
+    "linked": linked,
     "packed": packed,
 }
 

@@ -70,8 +70,14 @@ pub(super) fn choose(source: Source, choice: &Choice, of_key: Option<&[String]>)
     for (option, named) in [("--episodes", &choice.episodes), ("--without", &choice.without)] {
         named.as_ref().map_or(Ok(()), |named| check(option, named, &numbers))?;
     }
+    let absent = absent(&source.episodes, of_key.unwrap_or_default());
     let faults = if choice.skip_bad { faults(&source.episodes) } else { vec![None; numbers.len()] };
-    let Source { ids, episodes, mut left_out, .. } = source;
+    let Source { ids, episodes, mut left_out, mut not_read, .. } = source;
+    if !absent.is_empty() {
+        let key = choice.filter_key.as_deref().unwrap_or_default();
+        not_read
+            .push(format!("The filter key '{key}' names what the file does not have: {}.", listed(absent)));
+    }
     let (mut kept_ids, mut kept) = (Vec::new(), Vec::new());
     for (((id, episode), number), fault) in ids.into_iter().zip(episodes).zip(numbers).zip(faults) {
         let named =
@@ -97,7 +103,12 @@ pub(super) fn choose(source: Source, choice: &Choice, of_key: Option<&[String]>)
         return Err(Error::bad_input(format!("no episode is left of {} by {choice}", left_out.len()))
             .with_hint("`demosift inspect SET` shows the numbers of the episodes"));
     }
-    Ok(Source { ids: kept_ids, episodes: kept, left_out, ..source })
+    Ok(Source { ids: kept_ids, episodes: kept, left_out, not_read, ..source })
+}
+
+/// What a filter key names and no episode is called.
+fn absent<'a>(episodes: &[Episode], of_key: &'a [String]) -> Vec<&'a String> {
+    of_key.iter().filter(|&name| episodes.iter().all(|episode| episode.label != *name)).collect()
 }
 
 fn check(option: &str, named: &Numbers, numbers: &[Option<u64>]) -> Result<()> {
@@ -195,8 +206,12 @@ mod tests {
             "{error}"
         );
         let key = Choice { filter_key: Some("better".to_owned()), ..Choice::default() };
-        let chosen = choose(source, &key, Some(&["demo_9".to_owned()])).unwrap();
+        let chosen = choose(source.clone(), &key, Some(&["demo_9".to_owned()])).unwrap();
         assert_eq!((chosen.ids, chosen.left_out.len()), (vec![DemoId(3)], 3));
+        assert!(chosen.not_read.is_empty(), "{:?}", chosen.not_read);
+        let chosen = choose(source, &key, Some(&["demo_9", "demo_4"].map(str::to_owned))).unwrap();
+        assert_eq!(chosen.ids, [DemoId(3)]);
+        assert_eq!(chosen.not_read, ["The filter key 'better' names what the file does not have: demo_4."]);
     }
 
     #[test]

@@ -76,6 +76,9 @@ fn length_of(path: &Path) -> Result<u64> {
 /// Writes a file again (h5py stops visiting where a visit returns something, hence the print) without filters and in the layout that every version reads.
 const WRITE_ANEW: &str = r#"write it again: h5repack -f GZIP=4 OLD NEW; or in Python: import h5py, hdf5plugin; old, new = h5py.File("OLD"), h5py.File("NEW", "w", libver=("earliest", "v114")); old.visititems(lambda name, item: print((new.create_dataset(name, data=item[()]) if hasattr(item, "dtype") else new.require_group(name)).attrs.update(item.attrs))); new.close()"#;
 
+/// Copies a file with what its links lead to in place of them.
+const COPY_WITHOUT_LINKS: &str = r#"copy it, in Python: import h5py; old, new = h5py.File("OLD"), h5py.File("NEW", "w"); [old.copy(name, new, expand_soft=True, expand_external=True) for name in old]; new.attrs.update(old.attrs); new.close()"#;
+
 /// Names the groups of a file as its format has them.
 fn rename(prefix: &str) -> String {
     format!(
@@ -107,6 +110,12 @@ fn filter_name(id: u16) -> String {
 
 /// What the HDF5 reader found wrong, or cannot read.
 pub(super) fn damaged(source: hdf5_pure::Error) -> Error {
+    if is_link(&source) {
+        return Error::bad_input(
+            "the HDF5 file holds a soft link, which is not followed; wanted everything in its own place",
+        )
+        .with_hint(COPY_WITHOUT_LINKS);
+    }
     let unread = match &source {
         hdf5_pure::Error::Format(FormatError::UnsupportedFilter(id)) => {
             Some(format!("compressed by {}, which is not read; wanted gzip, lzf, szip, zstd, lz4 or none", filter_name(*id)))
@@ -132,6 +141,11 @@ pub(super) fn damaged(source: hdf5_pure::Error) -> Error {
     }
     Error::bad_input(format!("the HDF5 file is damaged or truncated: {source}"))
         .with_hint("was it copied or downloaded completely?")
+}
+
+/// Groups in the old layout list a soft link without an address, all bits of which are set, and the reader looks there.
+fn is_link(source: &hdf5_pure::Error) -> bool {
+    matches!(source, hdf5_pure::Error::Format(FormatError::UnexpectedEof { expected: usize::MAX, .. }))
 }
 
 /// A dataset of numbers, `[steps]` or `[steps, numbers a step]`, called `shown` in errors.
@@ -235,7 +249,7 @@ pub(super) fn check_table(dataset: &Dataset, name: &str, file_len: u64) -> Resul
         _ => {
             return Err(Error::bad_input(format!(
                 "'{name}' has shape {shape:?}; wanted two dimensions, [steps, numbers a step], of at least one number, or \
-                 [steps]; images are not read"
+                 [steps]; images and tables in more dimensions are not read"
             )));
         }
     };
@@ -402,6 +416,13 @@ pub(super) fn numbered_groups(root: &Group, holder: &str, prefix: &str) -> Resul
         root.groups().map_err(damaged)?.into_iter().partition(|name| number(name).is_some());
     names.sort_by_key(number);
     others.sort();
+    if names.is_empty() && others.is_empty() && root.datasets().map_err(damaged)?.is_empty() {
+        // Groups in the new layout seem to hold none of their links.
+        return Err(Error::bad_input(format!(
+            "{holder} holds no episode; wanted groups {prefix}0, {prefix}1, …, and links are not followed"
+        ))
+        .with_hint(format!("if h5py shows the episodes there, they are links: {COPY_WITHOUT_LINKS}")));
+    }
     if names.is_empty() {
         return Err(Error::bad_input(format!(
             "{holder} holds no episode; wanted groups {prefix}0, {prefix}1, …, and there are: {}",

@@ -24,6 +24,7 @@ use crate::basics::files;
 use crate::data::demonstration::episode::{Columns, Episode, Format, Says, Source};
 use crate::data::demonstration::listing::{ColumnSeen, Used};
 use crate::data::demonstration::named::json_in_words;
+use crate::data::demonstration::parquet_ragged::Ragged;
 use crate::data::demonstration::parquet_table::{self, Table};
 use crate::data::demonstration::pointer;
 use crate::math::rows::Rows;
@@ -121,12 +122,13 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
     let info = read_info(path)?;
     let format = format_of(&info).map_err(|error| error.at(&path.join(INFO)))?;
     let columns = columns.or("observation.state", "action");
-    let mut episodes: Vec<Episode> = Vec::new();
-    let mut last = None;
+    let mut read = Read { episodes: Vec::new(), last: None, frames: 0 };
     for file in data_files(path)? {
         let table = Table::open(&file)?;
-        append(&mut episodes, &mut last, &table, &columns).map_err(|error| error.at(&file))?;
+        append(&mut read, &table, &columns, &file).map_err(|error| error.at(&file))?;
     }
+    let Read { episodes, frames, .. } = read;
+    let mut episodes = without_unreadable(episodes)?;
     if info.total_episodes.is_some_and(|claimed| claimed > episodes.len()) {
         for index in empty_episodes(path) {
             let number = |episode: &Episode| episode.label.parse().unwrap_or(i64::MAX);
@@ -135,7 +137,6 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
             }
         }
     }
-    let frames: usize = episodes.iter().map(|episode| episode.actions.len()).sum();
     for (what, claimed, found) in
         [("episodes", info.total_episodes, episodes.len()), ("frames", info.total_frames, frames)]
     {
@@ -199,15 +200,55 @@ fn empty_episodes(path: &Path) -> Vec<i64> {
     empty
 }
 
+/// What the tables held so far.
+struct Read {
+    episodes: Vec<Episode>,
+    /// The number of the last episode.
+    last: Option<i64>,
+    frames: usize,
+}
+
+/// One bad row makes its episode unreadable and leaves the others as they are.
+///
+/// # Errors
+/// The first reason, if none can be read.
+fn without_unreadable(mut episodes: Vec<Episode>) -> Result<Vec<Episode>> {
+    let mut first = None;
+    for episode in &mut episodes {
+        let Some(why) = episode.unreadable.take() else { continue };
+        first.get_or_insert_with(|| format!("episode {}: {why}", episode.label));
+        let label = std::mem::take(&mut episode.label);
+        let none = Episode::new(label, Rows::default(), Rows::default(), None);
+        *episode = Episode { unreadable: Some(why), ..none };
+    }
+    match first {
+        Some(why) if episodes.iter().all(|episode| episode.unreadable.is_some()) => {
+            Err(Error::bad_input(why))
+        }
+        _ => Ok(episodes),
+    }
+}
+
+/// The columns side by side; where rows differ, the faults of those that are not as most are.
+fn rows_of(table: &Table, names: &[String]) -> Result<Ragged> {
+    match table.floats_side_by_side(names) {
+        Ok(rows) => Ok(Ragged { rows, faults: BTreeMap::new() }),
+        Err(error) if error.is_bad_input() => table.ragged_side_by_side(names).map_err(|_| error),
+        Err(error) => Err(error),
+    }
+}
+
 /// Adds the rows of a file to the episode that they go on with, or to new ones.
-fn append(
-    episodes: &mut Vec<Episode>,
-    last: &mut Option<i64>,
-    table: &Table,
-    columns: &Columns,
-) -> Result<()> {
-    let observations = table.floats_side_by_side(&columns.observations)?;
-    let actions = table.floats_side_by_side(&columns.actions)?;
+fn append(read: &mut Read, table: &Table, columns: &Columns, file: &Path) -> Result<()> {
+    let Ragged { rows: observations, faults: mut bad } = rows_of(table, &columns.observations)?;
+    let Ragged { rows: actions, faults } = rows_of(table, &columns.actions)?;
+    bad.extend(faults);
+    if !table.has("episode_index") {
+        return Err(Error::bad_input(
+            "there is no column 'episode_index', which says of each row of which episode it is",
+        )
+        .with_hint("LeRobot writes it; was this table written or changed by something else?"));
+    }
     let indices = table.integers("episode_index")?;
     let frames = if table.has("frame_index") { Some(table.integers("frame_index")?) } else { None };
     // Nobody learns from these, so a column that is none of numbers is no reason to refuse a set.
@@ -228,25 +269,28 @@ fn append(
         }
     }
     for (row, &index) in indices.iter().enumerate() {
-        match *last {
+        match read.last {
             Some(before) if index == before => {}
             Some(before) if index < before => {
                 return Err(Error::bad_input(format!(
                     "row {row} is of episode {index} but follows one of episode {before}; wanted the rows in order"
                 )));
             }
-            _ => episodes.push(empty(index, &observations, &actions)),
+            _ => read.episodes.push(empty(index, &observations, &actions)),
         }
-        *last = Some(index);
-        let episode = episodes.last_mut().expect("one was begun");
+        read.last = Some(index);
+        read.frames += 1;
+        let episode = read.episodes.last_mut().expect("one was begun");
         let step = episode.actions.len();
-        if let Some(frames) = &frames
-            && usize::try_from(frames[row]) != Ok(step)
-        {
-            return Err(Error::bad_input(format!(
-                "step {step} of episode {index} has frame_index {}; wanted {step}",
-                frames[row]
-            )));
+        let frame = frames.as_ref().map(|frames| frames[row]);
+        let jumped = frame.filter(|frame| usize::try_from(*frame) != Ok(step));
+        let fault = match (bad.get(&row), jumped) {
+            (Some(why), _) => Some(format!("at step {step} {why}")),
+            (None, Some(frame)) => Some(format!("step {step} has frame_index {frame}; wanted {step}")),
+            (None, None) => None,
+        };
+        if let Some(fault) = fault {
+            episode.unreadable.get_or_insert_with(|| format!("{fault}: {}", file.display()));
         }
         if episode.observations.width() != observations.width() || episode.actions.width() != actions.width()
         {

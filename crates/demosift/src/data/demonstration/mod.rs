@@ -19,6 +19,7 @@ mod npz;
 pub mod numbers;
 pub mod open;
 mod parquet_pages;
+mod parquet_ragged;
 mod parquet_table;
 mod parquet_writing;
 mod parquet_zstd;
@@ -119,7 +120,8 @@ fn check_sizes(ids: &[DemoId], demonstrations: &[Demonstration]) -> Result<()> {
             return Err(Error::bad_input(format!(
                 "demonstration {id} has {} observations and {} actions a step, but demonstration {} has {} and {}",
                 found.0, found.1, ids[0], wanted.0, wanted.1
-            )));
+            ))
+            .with_hint("leave out those of another size than most by --skip-bad, or any by their numbers, --without"));
         }
     }
     Ok(())

@@ -2,6 +2,7 @@
 //!
 //! Read column by column without Arrow: a scalar column is one number a row, a list column as many a row as the first row has.
 
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
@@ -20,6 +21,7 @@ use crate::data::demonstration::episode::{Columns, side_by_side, trailing_number
 use crate::data::demonstration::listing::ColumnSeen;
 use crate::data::demonstration::named::{Named, half, listed, option_for};
 use crate::data::demonstration::parquet_pages;
+use crate::data::demonstration::parquet_ragged::{self, Held, Levels, Ragged, differing};
 use crate::data::demonstration::parquet_zstd::Pages;
 use crate::data::demonstration::pointer;
 use crate::math::rows::Rows;
@@ -61,6 +63,8 @@ pub(super) fn files_below(folder: &Path) -> Result<Vec<PathBuf>> {
     entries.sort_by_cached_key(|path| {
         (path.file_stem().and_then(|stem| trailing_number(&stem.to_string_lossy())), path.clone())
     });
+    // What macOS leaves beside a file on a disk that is not its own.
+    entries.retain(|path| path.file_name().is_some_and(|name| !name.to_string_lossy().starts_with("._")));
     let mut files = Vec::new();
     for path in entries {
         // A link could lead in a circle.
@@ -161,24 +165,46 @@ impl Table {
         side_by_side(tables.collect::<Result<Vec<_>>>()?)
     }
 
+    /// The same where some rows may lack numbers or have others than most.
+    ///
+    /// # Errors
+    /// As [`floats_side_by_side`](Self::floats_side_by_side), and `is_bad_input` if that is so of more than half of the rows.
+    pub(super) fn ragged_side_by_side(&self, names: &[String]) -> Result<Ragged> {
+        let mut faults = BTreeMap::new();
+        let tables = names.iter().map(|name| {
+            let named = if self.find(name).is_empty() { Named::new(name) } else { Named::new_whole(name) };
+            let mut held = Vec::new();
+            let column = self.numbers(named.column, Some(&mut held))?;
+            let Ragged { rows, faults: found } = parquet_ragged::evened(&column.values, &held, named.column)?;
+            faults.extend(found);
+            Ok((name.as_str(), named.part_of(rows)?))
+        });
+        let rows = side_by_side(tables.collect::<Result<Vec<_>>>()?)?;
+        Ok(Ragged { rows, faults })
+    }
+
     fn floats(&self, name: &str) -> Result<Rows> {
-        let Column { values, width } = match self.physical(name)? {
-            Physical::FLOAT => self.column::<FloatType, f32>(name, |value| value)?,
-            Physical::DOUBLE => self.column::<DoubleType, f32>(name, |value| value as f32)?,
-            Physical::INT32 => self.column::<Int32Type, f32>(name, |value| value as f32)?,
-            Physical::INT64 => self.column::<Int64Type, f32>(name, |value| value as f32)?,
-            Physical::BOOLEAN => self.column::<BoolType, f32>(name, |value| f32::from(u8::from(value)))?,
+        let Column { values, width } = self.numbers(name, None)?;
+        Rows::from_flat(values, width).map_err(|error| error.during(name))
+    }
+
+    fn numbers(&self, name: &str, held: Option<&mut Vec<Held>>) -> Result<Column<f32>> {
+        match self.physical(name)? {
+            Physical::FLOAT => self.column::<FloatType, f32>(name, held, |value| value),
+            Physical::DOUBLE => self.column::<DoubleType, f32>(name, held, |value| value as f32),
+            Physical::INT32 => self.column::<Int32Type, f32>(name, held, |value| value as f32),
+            Physical::INT64 => self.column::<Int64Type, f32>(name, held, |value| value as f32),
+            Physical::BOOLEAN => self.column::<BoolType, f32>(name, held, |value| f32::from(u8::from(value))),
             Physical::FIXED_LEN_BYTE_ARRAY if self.is_half(name)? => self
-                .column::<FixedLenByteArrayType, f32>(name, |value| match *value.data() {
+                .column::<FixedLenByteArrayType, f32>(name, held, |value| match *value.data() {
                     [low, high] => half(u16::from_le_bytes([low, high])),
                     _ => f32::NAN,
-                })?,
+                }),
             Physical::BYTE_ARRAY => {
-                return Err(Error::bad_input(format!("'{name}' holds text or images; wanted numbers")));
+                Err(Error::bad_input(format!("'{name}' holds text or images; wanted numbers")))
             }
-            other => return Err(wrong_type(name, other, "numbers")),
-        };
-        Rows::from_flat(values, width).map_err(|error| error.during(name))
+            other => Err(wrong_type(name, other, "numbers")),
+        }
     }
 
     /// A column in full precision, with the numbers a row.
@@ -187,8 +213,8 @@ impl Table {
     /// As [`floats_side_by_side`](Self::floats_side_by_side).
     pub(super) fn doubles(&self, name: &str) -> Result<(Vec<f64>, usize)> {
         let Column { values, width } = match self.physical(name)? {
-            Physical::FLOAT => self.column::<FloatType, f64>(name, f64::from)?,
-            Physical::DOUBLE => self.column::<DoubleType, f64>(name, |value| value)?,
+            Physical::FLOAT => self.column::<FloatType, f64>(name, None, f64::from)?,
+            Physical::DOUBLE => self.column::<DoubleType, f64>(name, None, |value| value)?,
             other => return Err(wrong_type(name, other, "FLOAT or DOUBLE")),
         };
         Ok((values, width))
@@ -200,9 +226,9 @@ impl Table {
     /// As [`floats_side_by_side`](Self::floats_side_by_side).
     pub(super) fn integers(&self, name: &str) -> Result<Vec<i64>> {
         let Column { values, width } = match self.physical(name)? {
-            Physical::INT32 => self.column::<Int32Type, i64>(name, i64::from)?,
-            Physical::INT64 => self.column::<Int64Type, i64>(name, |value| value)?,
-            Physical::BOOLEAN => self.column::<BoolType, i64>(name, i64::from)?,
+            Physical::INT32 => self.column::<Int32Type, i64>(name, None, i64::from)?,
+            Physical::INT64 => self.column::<Int64Type, i64>(name, None, |value| value)?,
+            Physical::BOOLEAN => self.column::<BoolType, i64>(name, None, i64::from)?,
             other => return Err(wrong_type(name, other, "INT32 or INT64")),
         };
         if width != 1 {
@@ -217,7 +243,7 @@ impl Table {
     /// As [`floats_side_by_side`](Self::floats_side_by_side); and `is_bad_input` if rows differ in how many words they have.
     pub(super) fn words(&self, name: &str) -> Result<Vec<String>> {
         let Column { values, width } = match self.physical(name)? {
-            Physical::BYTE_ARRAY => self.column::<ByteArrayType, String>(name, |value| {
+            Physical::BYTE_ARRAY => self.column::<ByteArrayType, String>(name, None, |value| {
                 String::from_utf8_lossy(value.data()).into_owned()
             })?,
             other => return Err(wrong_type(name, other, "text")),
@@ -260,8 +286,13 @@ impl Table {
         columns.iter().map(AsRef::as_ref).filter(|column| is_below(column, name)).collect()
     }
 
-    /// The numbers of a column in all row groups.
-    fn column<T: DataType, N>(&self, name: &str, number: impl Fn(T::T) -> N) -> Result<Column<N>> {
+    /// The numbers of a column in all row groups; rows must be alike, or are told in `held`.
+    fn column<T: DataType, N>(
+        &self,
+        name: &str,
+        mut held: Option<&mut Vec<Held>>,
+        number: impl Fn(T::T) -> N,
+    ) -> Result<Column<N>> {
         let index = self.index(name)?;
         let mut column = Column { values: Vec::new(), width: 0 };
         for group in 0..self.reader.num_row_groups() {
@@ -276,14 +307,8 @@ impl Table {
             } else {
                 get_typed_column_reader::<T>(group.get_column_reader(index).map_err(damaged)?)
             };
-            read_rows(
-                reader,
-                &descriptor,
-                rows,
-                name,
-                |value| column.values.push(number(value)),
-                &mut column.width,
-            )?;
+            let mut found = Found { name, width: &mut column.width, held: held.as_deref_mut() };
+            read_rows(reader, &descriptor, rows, &mut found, |value| column.values.push(number(value)))?;
         }
         Ok(column)
     }
@@ -315,15 +340,24 @@ impl Table {
     }
 }
 
+/// What is known of the rows of a column.
+struct Found<'a> {
+    name: &'a str,
+    /// Numbers a row, 0 before the first.
+    width: &'a mut usize,
+    /// How many each row holds, where they need not be alike.
+    held: Option<&'a mut Vec<Held>>,
+}
+
 /// Hands on the numbers of `rows` rows, and checks that each row has as many as the others.
 fn read_rows<T: DataType>(
     mut reader: ColumnReaderImpl<T>,
     column: &ColumnDescriptor,
     rows: usize,
-    name: &str,
+    found: &mut Found<'_>,
     mut push: impl FnMut(T::T),
-    width: &mut usize,
 ) -> Result<()> {
+    let name = found.name;
     let (full, nested) = (column.max_def_level(), column.max_rep_level() > 0);
     if column.max_rep_level() > 1 {
         return Err(Error::bad_input(format!(
@@ -343,6 +377,16 @@ fn read_rows<T: DataType>(
             return Err(Error::bad_input(format!("'{name}' ends after {read} rows; its file claims {rows}"))
                 .with_hint("the file is damaged or was not copied completely"));
         }
+        read += records;
+        if let Some(held) = found.held.as_deref_mut() {
+            let before = held.len();
+            parquet_ragged::hold(held, &definitions, &repetitions, Levels { full, records });
+            if held.len() - before != records {
+                return Err(differing(name));
+            }
+            values.drain(..).for_each(&mut push);
+            continue;
+        }
         if full > 0 && definitions.iter().any(|&level| level != full) || full == 0 && values.len() != levels {
             return Err(Error::bad_input(format!(
                 "'{name}' holds nothing in a row; wanted numbers in every row"
@@ -352,17 +396,16 @@ fn read_rows<T: DataType>(
         if nested && starts != records || !values.len().is_multiple_of(records) {
             return Err(differing(name));
         }
-        let found = values.len() / records;
-        if *width == 0 {
-            *width = found;
+        let each = values.len() / records;
+        if *found.width == 0 {
+            *found.width = each;
         }
         let even = !nested
-            || repetitions.iter().enumerate().all(|(at, &level)| (level == 0) == at.is_multiple_of(found));
-        if found != *width || !even {
+            || repetitions.iter().enumerate().all(|(at, &level)| (level == 0) == at.is_multiple_of(each));
+        if each != *found.width || !even {
             return Err(differing(name));
         }
         values.drain(..).for_each(&mut push);
-        read += records;
     }
     Ok(())
 }
@@ -370,10 +413,6 @@ fn read_rows<T: DataType>(
 /// Parts of a tuple go by their numbers, and those of a dictionary by their names.
 fn in_order(part: &str) -> (Option<u64>, String) {
     (part.strip_prefix("_index_").and_then(trailing_number), part.to_owned())
-}
-
-fn differing(name: &str) -> Error {
-    Error::bad_input(format!("the rows of '{name}' differ in length; wanted as many numbers in each"))
 }
 
 /// The column's path without what parquet puts between a list and its elements.

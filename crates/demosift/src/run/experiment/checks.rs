@@ -1,6 +1,7 @@
 //! Whether set, task and configuration fit each other, before anything is spent.
 
 use super::Config;
+use crate::basics::counting::counted;
 use crate::basics::error::{Error, Result};
 use crate::data::demonstration::DemonstrationSet;
 use crate::learning::adapt::{InnerUpdate, Rule};
@@ -42,10 +43,14 @@ pub fn check_sizes(observed: usize, acted: usize, task: &Specification) -> Resul
     for (what, found, wanted) in sizes {
         if found != wanted {
             return Err(Error::bad_input(format!(
-                "the demonstrations have {found} numbers in an {what}, but the task '{}' has {wanted}",
+                "the demonstrations have {} in an {what}, but the task '{}' has {wanted}",
+                counted(found, "number"),
                 task.name
             ))
-            .with_hint("check that the set was recorded in this task"));
+            .with_hint(
+                "check that the set was recorded in this task; a choice that is stored as one whole number (Discrete) must be \
+                 written as the zeros and ones that the environment makes of it",
+            ));
         }
     }
     Ok(())

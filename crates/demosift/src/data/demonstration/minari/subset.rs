@@ -81,14 +81,22 @@ fn copy_episodes(original: &Path, labels: &[String]) -> Result<(Vec<u8>, u64)> {
     let mut steps = 0;
     for (index, label) in labels.iter().enumerate() {
         let episode = opened.file.root().group(&format!("episode_{label}")).map_err(damaged)?;
-        let shape = episode.dataset("actions").and_then(|actions| actions.shape()).map_err(damaged)?;
-        steps += shape.first().copied().unwrap_or(0);
+        steps += count_actions(&episode).map_err(|error| error.during(&format!("episode_{label}")))?;
         let mut copy = file.create_group(&format!("episode_{index}"));
         fill(&mut copy, &episode, opened.file_len, DEEPEST)?;
         copy.set_attr("id", AttrValue::I64(index as i64));
         file.add_group(copy.finish());
     }
     Ok((file.finish().map_err(damaged)?, steps))
+}
+
+/// Each part of an action has one row a step, where it has several.
+fn count_actions(episode: &Group) -> Result<u64> {
+    let parts = super::usual(episode, &[], "actions")?;
+    let first = parts.first().map_or("actions", String::as_str);
+    let dataset =
+        hdf5::find_below(episode, first)?.map_or_else(|| Err(hdf5::missing_below(episode, first)?), Ok)?;
+    Ok(dataset.shape().map_err(damaged)?.first().copied().unwrap_or(0))
 }
 
 /// Copies everything in a group but the number of its episode.
