@@ -34,7 +34,7 @@ fn read(path: &Path, format: Option<Format>) {
     let _ = (source.set(), open::read_states(path, Some(source.format)));
     match source.format {
         Format::LeRobotV3 | Format::LeRobotV2 => drop(lerobot::description(path, &source)),
-        Format::MinariHdf5 | Format::MinariParquet => drop(minari::seeds(path, &source)),
+        Format::MinariHdf5 | Format::MinariParquet => drop(minari::seeds(path, &source, usize::MAX)),
         _ => (),
     }
 }
