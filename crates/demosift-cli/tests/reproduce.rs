@@ -350,7 +350,7 @@ fn a_method_may_learn_its_prior_on_each_set_itself() {
         let cell: Value =
             serde_json::from_str(&read(&scratch, &format!("{name}/cells/judging_unseen_MAML_0.json")))
                 .unwrap();
-        cell["found"].clone()
+        cell["found"]["judging"]["demonstrations"].clone()
     };
     let own = found("own", &judging);
     assert_eq!(own, found("alone", &judging.replace("prior = \"lent\"", "").replace("own_prior = true", "")));

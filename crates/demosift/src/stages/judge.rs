@@ -88,7 +88,7 @@ pub enum ScoredOn {
     #[default]
     Evaluations,
     /// The episodes of the batches that its last updates learned from, which cost nothing more and are many more episodes;
-    /// not in the paper. An adaptation that plays no batches, or one that was averaged over one θ, has evaluation episodes.
+    /// not in the paper. An adaptation of which no batches or one would count has evaluation episodes.
     LastBatches,
 }
 
@@ -106,10 +106,8 @@ impl Judging {
 
     /// Which iterations play the batches that score an adaptation by these updates; none where evaluation episodes do.
     pub fn scoring_batches(&self, inner: &InnerUpdate) -> std::ops::Range<usize> {
-        match (self.scored_on, inner.imitation) {
-            (ScoredOn::LastBatches, Rule::Gail) if self.averaged > 1 => {
-                self.iterations.saturating_sub(self.averaged)..self.iterations
-            }
+        match (self.scored_on, inner.imitation, self.averaged.min(self.iterations)) {
+            (ScoredOn::LastBatches, Rule::Gail, last) if last > 1 => self.iterations - last..self.iterations,
             _ => 0..0,
         }
     }

@@ -184,7 +184,7 @@ fn files_of_another_version_are_refused() {
     assert!(read_checkpoint::<Vec<u32>>(&checkpoint[..5], "x").expect_err("short").hint().is_some());
     checkpoint[0] = 9;
     let error = read_checkpoint::<Vec<u32>>(&checkpoint, "x").expect_err("newer");
-    assert_eq!(error.to_string(), "x has format version 9; this demosift reads version 6");
+    assert_eq!(error.to_string(), "x has format version 9; this demosift reads version 7");
 }
 
 #[test]

@@ -320,8 +320,12 @@ fn what_plays_no_batches_is_scored_on_evaluation_episodes() {
     assert!(literally.judge.scoring_batches(&literally.inner).is_empty(), "M episodes of the last θ");
     let one = Judging { averaged: 1, ..judge.clone() };
     assert!(one.scoring_batches(&inner).is_empty(), "θ before its last update would be what counts");
-    let few = Judging { iterations: 4, ..judge };
+    let few = Judging { iterations: 4, ..judge.clone() };
     assert_eq!(few.scoring_batches(&inner), 0..4, "the batches that there are");
+    assert!(
+        Judging { iterations: 1, ..judge }.scoring_batches(&inner).is_empty(),
+        "one says nothing of its spread"
+    );
 }
 
 #[test]
