@@ -7,7 +7,7 @@
   const section = document.getElementById("replay");
   section.append(
     el("h2", {}, "Replay"),
-    el("p", { class: "soft" }, episodesBeside(false).length ? "Demonstrations, their recorded actions played again, and the agent before and after imitating each, as the environment renders them. Of the episodes that the agent was scored by, this is the one whose scores are the most typical; its start is the same for all." : "Demonstrations, their recorded actions played again, as the environment renders them."));
+    el("p", { class: "soft" }, episodesBeside(false).length ? "Demonstrations, their recorded actions played again, and the agent before and after imitating each, as the environment renders them. Of its evaluation episodes this is the one whose scores are the most typical; its start is the same for all." : "Demonstrations, their recorded actions played again, as the environment renders them."));
   if (missing) section.append(el("p", { class: "small" }, missing));
 
   const played = report.entries.filter((entry) => isPlayed(entry.demo));

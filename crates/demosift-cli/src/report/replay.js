@@ -10,7 +10,7 @@
     section.append(el("p", { class: "soft" }, missing ?? "There is nothing to play."));
     return;
   }
-  section.append(el("p", { class: "soft" }, (episodesBeside(false).length ? "A demonstration as it was recorded, and the agent before and after imitating it by each judge. Of the episodes that the agent was scored by, this is the one whose scores are the most typical; its start is the same for all." : "A demonstration as it was recorded.") + " Drag to turn, and use the wheel with Ctrl to come nearer." + whichLooked));
+  section.append(el("p", { class: "soft" }, (episodesBeside(false).length ? "A demonstration as it was recorded, and the agent before and after imitating it by each judge. Of its evaluation episodes this is the one whose scores are the most typical; its start is the same for all." : "A demonstration as it was recorded.") + " Drag to turn, and use the wheel with Ctrl to come nearer." + whichLooked));
   if (missing) section.append(el("p", { class: "small" }, missing));
   if (model.left_out) section.append(el("p", { class: "small" }, `${model.left_out} shape${model.left_out > 1 ? "s" : ""} of the model (meshes or fields of heights) cannot be drawn here.`));
 
