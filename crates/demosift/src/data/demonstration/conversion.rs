@@ -1,5 +1,6 @@
 //! From the numbers of a set to those of the task.
 
+use crate::basics::counting::counted;
 use crate::basics::error::{Error, Result};
 use crate::math::rows::Rows;
 
@@ -63,8 +64,8 @@ impl Conversion {
         let Affine(mut terms) = self.actions.unwrap_or_else(as_they_are);
         if terms.len() != bounds.len() {
             return Err(Error::bad_input(format!(
-                "an action of the set has {} numbers, and the environment takes {}",
-                terms.len(),
+                "an action of the set has {}, and the environment takes {}",
+                counted(terms.len(), "number"),
                 bounds.len()
             )));
         }
