@@ -53,7 +53,8 @@ fn shapes_that_are_wrong() {
 fn a_set_that_does_not_fit_the_task() {
     let scratch = Scratch::new("fit");
     write_shapes(&scratch, &[6, 5], &[6, 2]);
-    let wanted = ["5 numbers in an observation", "'point_mass' has 4", "bad.hdf5"];
+    let takes = "--observation-columns takes them, such as observations[0:4]";
+    let wanted = ["5 numbers in an observation", "'point_mass' has 4", "bad.hdf5", takes];
     refuses(&scratch, &format!("sift bad.hdf5 {TASK}"), &wanted);
     write_shapes(&scratch, &[6, 4], &[6, 3]);
     let wanted = ["3 numbers in an action", "'point_mass' has 2", "bad.hdf5"];

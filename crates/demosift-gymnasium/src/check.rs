@@ -1,10 +1,11 @@
 //! Whether an environment can be learned in: does it repeat, how fast is it, how do its episodes end, and do recorded
 //! demonstrations fit it?
 
+use demosift::Result;
 use demosift::basics::seed::Seed;
 use demosift::data::demonstration::DemonstrationSet;
+use demosift::run::experiment;
 use demosift::world::environment::Task as _;
-use demosift::{Error, Result};
 use serde::Serialize;
 
 use crate::replay::{self, Replayed, Starts};
@@ -128,17 +129,7 @@ pub fn compare(
     starts: &Starts,
     most: usize,
 ) -> Result<Recorded> {
-    let specification = task.specification();
-    for (what, found, wanted) in [
-        ("an observation", set.observation_size(), specification.observation_size),
-        ("an action", set.action_size(), specification.action_size),
-    ] {
-        if found != wanted {
-            return Err(Error::bad_input(format!(
-                "the demonstrations have {found} numbers in {what}, and the environment has {wanted}"
-            )));
-        }
-    }
+    experiment::check_sizes(set.observation_size(), set.action_size(), task.specification())?;
     let mut actions = vec![[f64::INFINITY, f64::NEG_INFINITY]; set.action_size()];
     let (mut beyond, mut all) = (0_usize, 0_usize);
     for (number, column) in set

@@ -24,6 +24,7 @@ pub(crate) fn in_full(compact: &Compact, summary: &Summary, markdown: bool) -> S
     let mut told = format!("Study {}: {finished} of {named} cells are finished.\n", compact.study.name);
     let sections = [
         agreement(summary),
+        steadiness(summary),
         differences(summary),
         regret(summary),
         costs(summary),
@@ -83,6 +84,28 @@ fn agreement(summary: &Summary) -> Section {
                  against itself: each of its seeds against the mean of the others, as the judges are. A judge that clones \
                  is not held against an oracle by cloning.";
     Section { title: "How well each judge agrees with the truth:", header, rows, below: below.to_owned() }
+}
+
+fn steadiness(summary: &Summary) -> Section {
+    let header = ["set", "truth", "judge", "one seed with another", "one seed", "all together", "seeds"];
+    let mut rows = Vec::new();
+    for set in &summary.sets {
+        for of in &set.steadiness {
+            let mut row = vec![set.set.clone(), of.truth.to_string(), of.method.clone()];
+            row.extend([of.between_seeds, of.one_seed, of.together].map(|value| format!("{value:.2}")));
+            row.push(of.seeds.to_string());
+            rows.push(row);
+        }
+    }
+    let below = "Spearman's correlation: of one seed with another, of one seed with the truth, and of the mean score of all \
+                 seeds with the truth. Where seeds differ and together agree better, a judge lacks repeats; where they agree \
+                 with each other and not with the truth, more of the same does not help.";
+    Section {
+        title: "How much of it is the luck of a seed:",
+        header: words(&header),
+        rows,
+        below: below.to_owned(),
+    }
 }
 
 fn correlation(of: &Estimate) -> String {

@@ -32,6 +32,7 @@ pub mod pools;
 mod referee_rates;
 mod refereed;
 mod showing;
+pub mod steadiness;
 pub mod summary;
 pub mod told;
 mod truth;

@@ -47,10 +47,16 @@ pub fn check_sizes(observed: usize, acted: usize, task: &Specification) -> Resul
                 counted(found, "number"),
                 task.name
             ))
-            .with_hint(
-                "check that the set was recorded in this task; a choice that is stored as one whole number (Discrete) must be \
-                 written as the zeros and ones that the environment makes of it",
-            ));
+            .with_hint(if found > wanted {
+                format!(
+                    "check that the set was recorded in this task; if the task has the first {wanted} of these, \
+                     --{what}-columns takes them, such as {what}s[0:{wanted}]; `demosift inspect` names the columns"
+                )
+            } else {
+                "check that the set was recorded in this task; a choice that is stored as one whole number (Discrete) must \
+                 be written as the zeros and ones that the environment makes of it"
+                    .to_owned()
+            }));
         }
     }
     Ok(())

@@ -3,6 +3,7 @@
 //! | table | says |
 //! |---|---|
 //! | agreement | of each method with each truth, over its seeds, beside the ceiling |
+//! | steadiness | of each method, how much of its opinion is the luck of a seed |
 //! | differences | between the first method and each other, paired by seed; and the same over all sets |
 //! | regret | how much worse the policy from a method's top K is than that from the truly best K |
 //! | costs | of each method, once per set and for each demonstration |
@@ -17,6 +18,7 @@ use super::parts::Set;
 use super::plan::{Judge, Study};
 use super::pools::{PoolSummary, pools};
 use super::referee_rates::RefereedSummary;
+use super::steadiness::{Steadiness, steadiness};
 use super::truth::{Against, Measure, Truth};
 use super::work::top;
 use super::{Cost, Finished};
@@ -58,6 +60,8 @@ pub struct SetSummary {
     pub hits_at: Vec<usize>,
     /// Ceilings first, then methods, for each truth in turn.
     pub agreement: Vec<Agreement>,
+    /// Of each method for each truth in turn, where there are two seeds.
+    pub steadiness: Vec<Steadiness>,
     /// Differences of Spearman's correlation between the first method and each other.
     pub differences: Vec<Compared>,
     /// Regret, for each imitator, K and method.
@@ -168,6 +172,7 @@ fn of_set(study: &Study, set: &Set, finished: &Finished) -> SetSummary {
         demonstrations: set.demonstrations,
         hits_at: hits_at.clone(),
         agreement: Vec::new(),
+        steadiness: Vec::new(),
         differences: Vec::new(),
         regret: regret(study, set, finished),
         costs: study.methods.iter().filter_map(|method| costs(set, method, finished)).collect(),
@@ -184,6 +189,8 @@ fn of_set(study: &Study, set: &Set, finished: &Finished) -> SetSummary {
             let by_seed =
                 |measure: Measure<'_>| of.scores.iter().map(|(_, s)| truth.agreement(measure, s)).collect();
             summary.agreement.extend(agreement(&against, Some(&of.method.name), &hits_at, &by_seed));
+            let seeds: Vec<Vec<f64>> = of.scores.iter().map(|(_, scores)| scores.clone()).collect();
+            summary.steadiness.extend(steadiness(&against, &truth, &of.method.name, &seeds));
         }
         if let Some((first, others)) = judged.split_first() {
             summary
@@ -227,7 +234,7 @@ fn agreement(
     })
 }
 
-fn spearman(one: &[f64], other: &[f64]) -> f64 {
+pub(super) fn spearman(one: &[f64], other: &[f64]) -> f64 {
     or_nothing(agreement::spearman(one, other))
 }
 

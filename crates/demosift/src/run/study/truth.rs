@@ -108,7 +108,8 @@ fn without(seeds: &[Vec<Score>], left: usize) -> Vec<Score> {
     mean_of(seeds.iter().enumerate().filter(|(index, _)| *index != left).map(|(_, scores)| scores))
 }
 
-fn mean_of<'s>(seeds: impl Iterator<Item = &'s Vec<Score>> + Clone) -> Vec<Score> {
+/// For each demonstration the mean over seeds.
+pub(super) fn mean_of<'s>(seeds: impl Iterator<Item = &'s Vec<Score>> + Clone) -> Vec<Score> {
     let size = seeds.clone().next().map_or(0, Vec::len);
     let of_demo = |demo: usize| seeds.clone().map(|scores| scores[demo]).collect::<Vec<_>>();
     (0..size).map(|demo| mean(&of_demo(demo))).collect()
