@@ -6,7 +6,8 @@ python3 docs/results/scale.py measure DEMOSIFT FOLDER NAME N ...  makes, inspect
                                                                   `demosift judge`, and keeps what it took under NAME
 python3 docs/results/scale.py prior DEMOSIFT FOLDER N ...         learns a prior from free_throw_8 and judges sets of N copies of
                                                                   these throws from it, by the judge of the paper
-python3 docs/results/scale.py agree NAME RUN...                   keeps how well finished runs agree with the stages under NAME
+python3 docs/results/scale.py agree NAME SET RUN...               keeps how well finished runs of a set agree with its stages under
+                                                                  NAME
 python3 docs/results/scale.py threads DEMOSIFT FOLDER N ...       judges martial_arts_10 by each judge on N threads, counts how many
                                                                   of these are busy, and says how long as many cores would take
 python3 docs/results/scale.py                                     prints the tables and draws the figure from scale.json
@@ -27,7 +28,7 @@ THROWS = "free_throw_8"
 # Of the spread of each number over the whole set.
 NOISE = 0.02
 # How many of each demonstration's repeats count, and how many episodes of each.
-COUNTED = {"all": (None, None), "first three": (3, None), "first two": (2, None), "first three, three episodes": (3, 3)}
+COUNTED = {"three": (3, None), "three, four episodes": (3, 4), "three, three episodes": (3, 3), "two": (2, None)}
 
 
 def set_of(source):
@@ -35,8 +36,9 @@ def set_of(source):
 
 
 def stages_of(source):
+    """Of each demonstration the mean score of the stage of training that it was recorded at."""
     found = json.loads((ROOT / "data/provenance" / f"{source}.json").read_text())
-    return [one["updates"] for one in found["demonstrations"]]
+    return [one["stage_score"] for one in found["demonstrations"]]
 
 
 def write_set(count, path, source=SOURCE):
@@ -177,9 +179,9 @@ def busy_threads(pid):
     return states.count("R")
 
 
-def agree(name, runs):
-    """Of each run, by all repeats, by the first three and the first two of everybody alone, and by fewer episodes of these."""
-    stages = stages_of(SOURCE)
+def agree(name, source, runs):
+    """Of each run, by the first repeats of everybody alone, and by fewer episodes of these."""
+    stages = stages_of(source)
     found = []
     for run in runs:
         table = json.loads((Path(run) / "scores_cloning.json").read_text())["suitabilities"]
@@ -187,7 +189,7 @@ def agree(name, runs):
         gain = lambda one, repeats, episodes: mean([mean(scores[:episodes]) for scores in one["after"][:repeats]])
         by = lambda counted: spearman([gain(one, *counted) for one in table], truth)
         found.append({name: round(by(counted), 4) for name, counted in COUNTED.items()})
-    keep("agreement", name, found)
+    keep("agreement", name, {"set": source, "runs": found})
 
 
 def tables():
@@ -207,11 +209,19 @@ def tables():
         sizes = (of["files"].get(file, 0) / 1e3 for file in sorted({f for o in kept["costs"].values() for f in o["files"]}))
         print(f"| {name} | " + " | ".join(f"{size:.0f}" for size in sizes) + " |")
     print()
-    print("| judged with | seeds | " + " | ".join(COUNTED) + " |")
-    for name, runs in kept.get("agreement", {}).items():
-        known = (key if key in runs[0] else None for key in COUNTED)
-        means = (f"{sum(run[key] for run in runs) / len(runs):.3f}" if key else "-" for key in known)
-        print(f"| {name} | {len(runs)} | " + " | ".join(means) + " |")
+    print("| set | judged with | seeds | " + " | ".join(COUNTED) + " |")
+    for name, of in kept.get("agreement", {}).items():
+        means = (f"{mean([run[key] for run in of['runs']]):.3f}" for key in COUNTED)
+        print(f"| {of['set']} | {name} | {len(of['runs'])} | " + " | ".join(means) + " |")
+    print("\n| demonstrations from one prior | s | s each | steps each | MiB | run folder, MB | Spearman with the stage |\n" + "|---" * 7 + "|")
+    for name, of in kept.get("prior", {}).items():
+        if name != "learned":
+            n, seconds, folder = of["n"], of["judge"]["seconds"], of["folder"] / 1e6
+            steps = of["environment_steps"] / n
+            print(f"| {n} | {seconds:.0f} | {seconds / n:.2f} | {steps:.0f} | {of['judge']['mib']} | {folder:.1f} | {of['agreement']:.2f} |")
+    print("\n| judge, threads | busy | work, s | clock, s |\n" + "|---" * 4 + "|")
+    for name, of in kept.get("threads", {}).items():
+        print(f"| {name} | {of['busy']:.2f} | {of['work']:.0f} | {of['clock']:.1f} |")
     FIGURE.write_text(figure([of for name, of in kept["costs"].items() if name.startswith("n_")]))
 
 
@@ -248,8 +258,8 @@ if __name__ == "__main__":
             judge_from_prior(binary, Path(folder), [int(count) for count in counts])
         case ["threads", binary, folder, *numbers]:
             count_threads(binary, Path(folder), [int(number) for number in numbers])
-        case ["agree", name, *runs]:
-            agree(name, runs)
+        case ["agree", name, source, *runs]:
+            agree(name, source, runs)
         case []:
             tables()
         case _:

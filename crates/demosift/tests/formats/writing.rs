@@ -1,0 +1,228 @@
+//! What is written is read again, and holds all that the original does.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use demosift::data::demonstration::episode::Format;
+use demosift::data::demonstration::{self, lerobot, minari, open, robomimic};
+use demosift::data::trajectory::StateLog;
+
+use super::{LENGTHS, Scratch, assert_says, fixture, read};
+
+#[test]
+fn what_is_written_is_read_again() {
+    let scratch = Scratch::new("written");
+    let original = read(&fixture("minari_hdf5")).unwrap();
+    let states: Vec<StateLog> = LENGTHS
+        .iter()
+        .map(|&len| StateLog { qpos: (0..2 * len).map(|at| at as f64 / 3.0).collect(), qvel: vec![0.1; len] })
+        .collect();
+
+    let path = scratch.0.join("lerobot");
+    let described =
+        lerobot::Described { steps_per_sec: 50, tasks: vec!["reach".to_owned()], ..Default::default() };
+    lerobot::write(&path, &original.episodes, Some(&states), &described).unwrap();
+    let again = read(&path).unwrap();
+    assert_eq!(again.format, Format::LeRobotV3);
+    assert_eq!(again.set().unwrap(), original.set().unwrap());
+    assert_eq!(demonstration::open::read_states(&path, None).unwrap().unwrap(), states, "in full precision");
+
+    let path = scratch.0.join("minari");
+    minari::write(&path, &original.episodes, "demosift/test-v0", None).unwrap();
+    assert_eq!(read(&path).unwrap(), original, "final observations too");
+    let error = minari::write(&path, &original.episodes, "demosift/test-v0", None).unwrap_err();
+    assert_says(&error, &["already", "new folder"]);
+
+    // Without a final observation the last action has no successor, so Minari cannot hold it.
+    let path = scratch.0.join("shorter");
+    minari::write(&path, &again.episodes, "demosift/test-v0", None).unwrap();
+    for (shorter, episode) in read(&path).unwrap().episodes.iter().zip(&again.episodes) {
+        let steps = episode.actions.len() - 1;
+        assert_eq!(shorter.actions, episode.actions.head(steps));
+        assert_eq!(shorter.observations, episode.observations.head(steps));
+        assert_eq!(shorter.last_observation.as_deref(), Some(episode.observations.row(steps)));
+    }
+}
+
+/// What stands in for a video, as nobody looks into them.
+fn film(camera: &str, episode: usize) -> Vec<u8> {
+    format!("not really a film: {camera}, episode {episode}").into_bytes()
+}
+
+/// The set of `formats/` that LeRobot wrote, as one of version 2.1 with two cameras.
+fn with_cameras(scratch: &Scratch) -> PathBuf {
+    let path = scratch.copy("lerobot_v2");
+    let info = path.join("meta/info.json");
+    let mut described: serde_json::Value = serde_json::from_slice(&fs::read(&info).unwrap()).unwrap();
+    for camera in ["observation.images.top", "observation.images.wrist"] {
+        described["features"][camera] = serde_json::json!({ "dtype": "video", "shape": [4, 6, 3], "names": ["height", "width", "channels"] });
+        for episode in 0..LENGTHS.len() {
+            let file = path.join(format!("videos/chunk-000/{camera}/episode_{episode:06}.mp4"));
+            fs::create_dir_all(file.parent().unwrap()).unwrap();
+            fs::write(file, film(camera, episode)).unwrap();
+        }
+    }
+    fs::write(info, described.to_string()).unwrap();
+    path
+}
+
+#[test]
+fn videos_go_with_the_episodes_that_are_written() {
+    let scratch = Scratch::new("videos");
+    let path = with_cameras(&scratch);
+    let source = read(&path).unwrap();
+    let all = lerobot::description(&path, &source).unwrap();
+    assert!(all.videos.missing.is_empty(), "{:?}", all.videos.missing);
+    let rate = f64::from(all.steps_per_sec);
+
+    // The first and the last; and of these, which are of version 3.0 now, the last.
+    let kept: Vec<_> = [0, 2].map(|place: usize| source.episodes[place].clone()).to_vec();
+    let first = scratch.0.join("first");
+    let described = lerobot::Described { videos: all.videos.of(&[0, 2]), ..all.clone() };
+    lerobot::write(&first, &kept, None, &described).unwrap();
+    let again = read(&first).unwrap();
+    let found = lerobot::description(&first, &again).unwrap();
+    assert!(found.videos.missing.is_empty(), "{:?}", found.videos.missing);
+    let second = scratch.0.join("second");
+    let described = lerobot::Described { videos: found.videos.of(&[1]), ..found.clone() };
+    lerobot::write(&second, &again.episodes[1..], None, &described).unwrap();
+    for camera in ["observation.images.top", "observation.images.wrist"] {
+        for (path, episodes) in [(&first, &[0, 2][..]), (&second, &[2])] {
+            let folder = path.join(format!("videos/{camera}/chunk-000"));
+            let mut files: Vec<_> =
+                fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+            files.sort();
+            let films: Vec<_> = files.iter().map(|file| fs::read(file).unwrap()).collect();
+            assert_eq!(films, episodes.iter().map(|&episode| film(camera, episode)).collect::<Vec<_>>());
+        }
+    }
+    let info: serde_json::Value =
+        serde_json::from_slice(&fs::read(second.join("meta/info.json")).unwrap()).unwrap();
+    let feature = &info["features"]["observation.images.top"];
+    assert_eq!((&feature["dtype"], &feature["shape"]), (&"video".into(), &vec![4, 6, 3].into()));
+    assert_eq!(info["video_path"], "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4");
+    assert_eq!(format!("{:?}", found.videos).matches(&format!("to_secs: {:?}", 5.0 / rate)).count(), 2);
+
+    // One that is not there is named, and the other camera is passed on.
+    fs::remove_file(path.join("videos/chunk-000/observation.images.top/episode_000001.mp4")).unwrap();
+    let fewer = lerobot::description(&path, &source).unwrap().videos;
+    let [missing] = &fewer.missing[..] else { panic!("{:?}", fewer.missing) };
+    assert!(
+        missing.contains("images.top") && missing.contains("episode_000001.mp4 is not there"),
+        "{missing}"
+    );
+    assert_eq!(fewer.cameras.len(), 1);
+    let wrong = lerobot::Described { videos: all.videos.of(&[0]), ..all };
+    let error = lerobot::write(&scratch.0.join("wrong"), &kept, None, &wrong).unwrap_err();
+    assert_says(&error, &["1 videos of observation.images.top", "each of the 2 episodes"]);
+}
+
+/// A name that leads elsewhere is no column of a data set.
+#[test]
+fn no_video_is_written_outside_of_the_folder() {
+    let scratch = Scratch::new("videos-outside");
+    let path = scratch.copy("lerobot_v2");
+    let info = path.join("meta/info.json");
+    let mut described: serde_json::Value = serde_json::from_slice(&fs::read(&info).unwrap()).unwrap();
+    described["features"]["../../outside"] = serde_json::json!({ "dtype": "video", "shape": [1, 1, 3] });
+    fs::write(info, described.to_string()).unwrap();
+    let source = read(&path).unwrap();
+    let found = lerobot::description(&path, &source).unwrap().videos;
+    assert!(
+        found.cameras.is_empty() && found.missing[0].contains("no name of a folder"),
+        "{:?}",
+        found.missing
+    );
+}
+
+#[test]
+fn a_filter_key_is_all_that_changes_in_a_robomimic_file() {
+    let scratch = Scratch::new("key");
+    let path = scratch.copy("robomimic.hdf5");
+    let before = read(&path).unwrap();
+    let hash = open::sha256(&before, &path).unwrap();
+    let labels = ["demo_0".to_owned(), "demo_2".to_owned()];
+    robomimic::add_filter_key(&path, "demosift", &labels).unwrap();
+    robomimic::add_filter_key(&path, "second", &labels[1..]).unwrap();
+    let after = read(&path).unwrap();
+    assert_eq!(after, before);
+    assert_eq!(open::sha256(&after, &path).unwrap(), hash, "a run on this file can go on");
+    let file = hdf5_pure::File::open(&path).unwrap();
+    assert_eq!(file.dataset("mask/demosift").unwrap().read_string().unwrap(), labels);
+    assert_eq!(file.dataset("mask/second").unwrap().read_string().unwrap(), labels[1..]);
+    let once_more = robomimic::add_filter_key(&path, "demosift", &labels).unwrap_err();
+    assert_says(&once_more, &["'demosift' already", "another name", "robomimic.hdf5"]);
+    assert_says(&robomimic::add_filter_key(&path, "a/b", &labels).unwrap_err(), &["'a/b'", "without '/'"]);
+}
+
+#[test]
+fn a_minari_subset_holds_all_that_the_original_does() {
+    let scratch = Scratch::new("subset");
+    let path = scratch.0.join("subset");
+    let original = fixture("minari_hdf5/data/main_data.hdf5");
+    minari::write_subset(&path, &original, &["0".to_owned(), "2".to_owned()], "demosift/test-v0").unwrap();
+    let (whole, subset) = (read(&original).unwrap(), read(&path).unwrap());
+    for (place, kept) in [0, 2].into_iter().enumerate() {
+        assert_eq!(subset.episodes[place].label, place.to_string());
+        assert_eq!(subset.episodes[place].actions, whole.episodes[kept].actions);
+    }
+    let file = hdf5_pure::File::open(path.join("data/main_data.hdf5")).unwrap();
+    assert_eq!(file.dataset("episode_1/rewards").unwrap().read_f64().unwrap(), vec![2.0; 5]);
+    let error =
+        minari::write_subset(&scratch.0.join("none"), &original, &["7".to_owned()], "x-v0").unwrap_err();
+    assert!(error.is_bad_input(), "{error}");
+    assert_eq!(fs::read_dir(&scratch.0).unwrap().count(), 1, "nothing is left of what failed");
+}
+
+#[test]
+fn a_minari_subset_of_a_file_alone_describes_itself() {
+    let scratch = Scratch::new("alone");
+    let alone = scratch.0.join("main_data.hdf5");
+    fs::copy(fixture("minari_hdf5/data/main_data.hdf5"), &alone).unwrap();
+    let (path, labels) = (scratch.0.join("subset"), ["1".to_owned()]);
+    minari::write_subset(&path, &alone, &labels, "demosift/test-v0").unwrap();
+    let metadata = |folder: &Path| -> serde_json::Value {
+        serde_json::from_slice(&fs::read(folder.join("data/metadata.json")).unwrap()).unwrap()
+    };
+    let (ours, minaris) = (metadata(&path), metadata(&fixture("minari_hdf5")));
+    assert_eq!((&ours["total_episodes"], &ours["total_steps"]), (&1.into(), &3.into()));
+    for key in ["data_format", "observation_space", "action_space"] {
+        assert_eq!(ours[key], minaris[key], "as Minari itself describes the same tables");
+    }
+    assert_eq!(read(&path).unwrap().episodes[0].actions, read(&alone).unwrap().episodes[1].actions);
+}
+
+#[test]
+fn what_points_into_its_own_file_is_not_copied_to_another() {
+    use hdf5_pure::{CompoundTypeBuilder, FileBuilder};
+
+    let scratch = Scratch::new("points");
+    let write = |name: &str, kind: hdf5_pure::Datatype, bytes: usize| {
+        let path = scratch.0.join(name);
+        let mut file = FileBuilder::new();
+        let mut episode = file.create_group("episode_0");
+        episode.create_dataset("observations").with_f32_data(&[0.0; 4]).with_shape(&[2, 2]);
+        episode.create_dataset("actions").with_f32_data(&[0.5]).with_shape(&[1, 1]);
+        episode.create_dataset("log").with_raw_data(kind, vec![0; bytes], 1);
+        file.add_group(episode.finish());
+        file.write(&path).unwrap();
+        path
+    };
+    let labels = ["0".to_owned()];
+    let numbers = CompoundTypeBuilder::new().f64_field("force").i32_field("contacts").build().unwrap();
+    let (path, copy) = (write("numbers.hdf5", numbers, 12), scratch.0.join("numbers"));
+    minari::write_subset(&copy, &path, &labels, "demosift/test-v0").unwrap();
+    let copied = hdf5_pure::File::open(copy.join("data/main_data.hdf5")).unwrap();
+    assert_eq!(copied.dataset("episode_0/log").unwrap().read_raw().unwrap(), vec![0; 12]);
+
+    let size = 8;
+    let reference = || hdf5_pure::Datatype::Reference { size, ref_type: hdf5_pure::ReferenceType::Object };
+    let pair = CompoundTypeBuilder::new().f64_field("force").field("of", reference()).build().unwrap();
+    for (name, kind, bytes) in [("plain", reference(), 8), ("nested", pair, 16)] {
+        let path = write(&format!("{name}.hdf5"), kind, bytes);
+        let refused = scratch.0.join(name);
+        let error = minari::write_subset(&refused, &path, &labels, "demosift/test-v0").unwrap_err();
+        assert_says(&error, &["'log'", "object_ref", "cannot be copied", name]);
+        assert!(!refused.exists(), "nothing is left of what failed");
+    }
+}
