@@ -157,6 +157,10 @@ fn an_experiment_becomes_cells_figures_numbers_and_a_page() {
         page.lines().all(|line| line.starts_with('|') || !line.contains(". ")),
         "one sentence a line: {page}"
     );
+    // Where less is better the other one stands first, as in the difference.
+    for part in ["| cloning − MAML | ", "| chance − MAML | "] {
+        assert!(page.contains(part), "{part} in {page}");
+    }
     // Sets × K of two imitators: what cloning keeps is there for both; lines for top 1, top half, all and weights.
     let csv = read(&scratch, "pages/curves.csv");
     let lines: Vec<&str> = csv.lines().collect();
@@ -192,6 +196,12 @@ fn an_experiment_becomes_cells_figures_numbers_and_a_page() {
     // All results of a folder, and what they say together.
     fs::create_dir(scratch.0.join("kept")).unwrap();
     fs::copy(scratch.0.join("tiny.json"), scratch.0.join("kept/fig3.json")).unwrap();
+    fs::copy(scratch.0.join("tiny.json"), scratch.0.join("kept/fig4.json")).unwrap();
+    scratch.refuse(
+        "reproduce kept --page x.md",
+        &["several experiments have a page each", "hint: give a folder"],
+    );
+    fs::remove_file(scratch.0.join("kept/fig4.json")).unwrap();
     scratch.succeed("reproduce kept --summary summary.md --json");
     let summary = read(&scratch, "summary.md");
     for part in [
@@ -244,6 +254,14 @@ fn a_dry_run_counts_and_a_preset_changes_what_it_says() {
     assert_eq!(cells("--preset quick"), [2, 2, 1, 2, 2]);
     assert_eq!(cells("--seeds 3"), [6, 6, 3, 6, 6]);
     assert_eq!(cells("--only unseen/cloning"), [2]);
+    let told = scratch.succeed("reproduce tiny.toml --dry-run --only unseen/cloning");
+    assert!(told.contains("Only these sets were asked for: unseen."), "{told}");
+    // Where the set that lends its prior is judged too, it is not asked for.
+    let judged = STUDY.replacen("seeds = 0\n", "", 1);
+    assert_ne!(judged, STUDY);
+    fs::write(scratch.0.join("tiny.toml"), judged).unwrap();
+    assert_eq!(cells("--only unseen/cloning"), [2]);
+    fs::write(scratch.0.join("tiny.toml"), STUDY).unwrap();
     assert!(!scratch.0.join("runs").exists());
     let data = in_repository("data");
     let told = scratch.succeed(&format!("reproduce all --dry-run --preset quick --data {}", data.display()));

@@ -155,6 +155,39 @@ fn tables_are_made_from_the_file_of_results_alone() {
 }
 
 #[test]
+fn cells_of_other_columns_of_the_same_file_are_not_believed() {
+    let scratch = scratch("study-columns");
+    let with = |columns: &str| {
+        let set = format!("data = \"set\"\nobservation_columns = {columns}\nreturns");
+        let study = STUDY.replace("ADD", "").replacen("data = \"set\"\nreturns", &set, 1);
+        fs::write(scratch.0.join("tiny.toml"), study).unwrap();
+    };
+    with("[\"observations[0:2]\", \"observations[2:4]\"]");
+    scratch.succeed("study tiny.toml --out run --only four/cloning");
+    with("[\"observations[2:4]\", \"observations[0:2]\"]");
+    let shown = scratch.succeed("study tiny.toml --out run --only four/cloning --table").replace('\n', " ");
+    assert!(shown.contains("2 cells are not believed, since they are of other demonstrations"), "{shown}");
+}
+
+/// Of a set whose prior is learned on one that is not there.
+#[test]
+fn a_set_without_its_lender_is_left_out_in_words() {
+    let scratch = scratch("study-lender");
+    let public = "source = \"somebody\"\nfile = \"far.hdf5\"\nsha256 = \"00\"";
+    let study = STUDY.replace("ADD", "").replacen("data = \"set\"", public, 1).replacen(
+        "name = \"two\"",
+        "name = \"two\"\nprior = \"four\"",
+        1,
+    );
+    let other = "[[sets]]\nname = \"other\"\ntask = \"point_mass\"\ndata = \"set\"\n[[methods]]";
+    fs::write(scratch.0.join("tiny.toml"), study.replacen("[[methods]]", other, 1)).unwrap();
+    let told = scratch.succeed("study tiny.toml --dry-run --only other,two,four").replace('\n', " ");
+    for part in ["The set four is left out", "The set two is left out: its prior is learned on four"] {
+        assert!(told.contains(part), "{part} in {told}");
+    }
+}
+
+#[test]
 fn cells_of_something_else_are_not_believed_and_kept() {
     let scratch = scratch("study-anew");
     scratch.succeed("study tiny.toml --out run --only four/cloning");

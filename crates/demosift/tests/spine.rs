@@ -188,6 +188,14 @@ fn the_judge_of_the_paper_judges_those_near_the_cut_of_a_large_set() {
     assert_eq!(sifted.selection.ranking.entries.len(), 8);
     assert_eq!(experiment::costs(run).unwrap().demonstrations, 4, "its account is about these");
 
+    // What surely helps is not asked of a judge of some, so it is not what both keep.
+    let auto = Config { keep: Keep::Auto, ..config.clone() };
+    let ledger = &mut InMemory::default();
+    let run = &mut Run { set: &set, playground: &playground, config: &auto, ledger, observer: &mut Silent };
+    let sifted = experiment::sift(run).unwrap();
+    let asked = experiment::worth_training_on(run, &sifted.panel, &sifted.selection).unwrap();
+    assert_eq!(asked[0].name, "kept by cloning");
+
     let all = Config { near_cut: 8, ..config.clone() };
     let whole = scores(&set, &task, &all);
     let of_near: Vec<_> = whole.suitabilities.into_iter().filter(|of| near.contains(&of.demo)).collect();

@@ -48,12 +48,7 @@ pub(crate) fn run(arguments: &ReproduceArguments) -> Result<()> {
 }
 
 fn reproduce(arguments: &ReproduceArguments, sources: &[Source<'_>]) -> Result<()> {
-    if sources.len() > 1 && arguments.page.as_ref().is_some_and(|page| is_page(page)) {
-        let page = arguments.page.as_deref().unwrap_or(Path::new(""));
-        return Err(Error::bad_input("several experiments have a page each")
-            .at(page)
-            .with_hint("give a folder"));
-    }
+    check_pages(arguments, sources.len())?;
     let (mut counted, mut all) = (BTreeSet::new(), Vec::new());
     for source in sources {
         all.extend(one(arguments, *source, &mut counted)?);
@@ -117,6 +112,16 @@ fn one(
     tell(arguments, &results, page.as_deref()).map(Some)
 }
 
+/// Whether each of so many experiments has a page of its own.
+fn check_pages(arguments: &ReproduceArguments, experiments: usize) -> Result<()> {
+    match arguments.page.as_ref().filter(|page| experiments > 1 && is_page(page)) {
+        Some(page) => {
+            Err(Error::bad_input("several experiments have a page each").at(page).with_hint("give a folder"))
+        }
+        None => Ok(()),
+    }
+}
+
 fn is_page(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "md")
 }
@@ -136,6 +141,7 @@ fn draw_folder(arguments: &ReproduceArguments, folder: &Path) -> Result<()> {
             Error::bad_input("the folder holds no results of an experiment, such as fig3.json").at(folder)
         );
     }
+    check_pages(arguments, results.len())?;
     let all = results.iter().map(|path| draw_again(arguments, path)).collect::<Result<Vec<_>>>()?;
     summarize(arguments, &all)
 }

@@ -21,6 +21,7 @@ use crate::arguments::JobArguments;
 use crate::console::terminal;
 use crate::job::Job;
 use crate::job::given_prior::GivenPrior;
+use crate::job::run_folder;
 use crate::tables::costs;
 use crate::tables::standing::{self as tables, Found};
 
@@ -91,6 +92,16 @@ fn likeness(given: &GivenPrior, job: &Job) -> Result<Option<Vec<Likeness>>> {
     }))
 }
 
+/// How many the earlier run keeps, for a goal by itself where it has several; `None` where it has not kept any yet.
+fn kept_by_run(given: &GivenPrior, goal: Option<&String>) -> Result<Option<usize>> {
+    let subset = match goal.map(|goal| given.folder.path().join(goal)) {
+        None => Subset::recall(&given.folder, "")?,
+        Some(of_goal) if !of_goal.is_dir() => None,
+        Some(of_goal) => Subset::recall(&run_folder::of_finished(&of_goal)?.1, "")?,
+    };
+    Ok(subset.map(|subset| subset.demos.len()))
+}
+
 /// What one judge found of the new demonstrations, and of those of the earlier run.
 struct OfJudge {
     new: ScoreTable,
@@ -116,11 +127,9 @@ fn standings(given: &GivenPrior, job: &Job, of: &[OfJudge], judges: Judges) -> R
     let by_all = by_all.map_or_else(|| earlier[0].clone(), |judged| judged.scores);
     let keep = given.config.keep;
     let several = job.variants().len() > 1;
-    let kept = match Subset::recall(&given.folder, "")? {
-        Some(subset) if !several => subset.demos.len(),
-        _ => keep.count_before_judging(by_all.demos().len()),
-    };
     let under = |(index, goal): (usize, &String)| {
+        let kept = kept_by_run(given, several.then_some(goal))?
+            .unwrap_or_else(|| keep.count_before_judging(by_all.demos().len()));
         let variant = EnvVariant(index);
         let under = |tables: &[&ScoreTable]| -> Vec<ScoreTable> {
             tables.iter().map(|table| table.under(variant)).collect()

@@ -22,7 +22,8 @@ function svg(name, attributes, ...children) {
 // Decimals that suit the size of the numbers, as the command's tables have them.
 function decimalsFor(values) {
   const largest = values.filter(Number.isFinite).reduce((most, value) => Math.max(most, Math.abs(value)), 0);
-  return largest >= 1000 ? 0 : largest >= 100 ? 1 : largest >= 10 ? 2 : 3;
+  if (largest >= 10) return largest >= 1000 ? 0 : largest >= 100 ? 1 : 2;
+  return largest >= 0.1 || largest < 1e-12 ? 3 : 2 - Math.floor(Math.log10(largest));
 }
 
 const MINUS = "\u2212";

@@ -44,6 +44,7 @@ const CONCLUSIONS = {
 
 function concluded() {
   const { verdict } = report;
+  if (verdict?.conclusion === "nothing_to_compare") return fact(CONCLUSIONS[verdict.conclusion], "since all were kept, or fewer than three final policies were trained on a side.");
   if (verdict) return fact(CONCLUSIONS[verdict.conclusion], "is what final policies say, several trained on each side.");
   return fact("Not tried yet", "whether policies from the kept are better than those from all: `demosift referee --resume` finds out");
 }
@@ -80,6 +81,8 @@ function remarks() {
   if (report.caveat) said.push(report.caveat);
   const useless = report.entries.filter((entry) => entry.kept && entry.gain <= 0).map((entry) => entry.demo);
   if (useless.length) said.push(`Kept although imitating it did not make the agent better: ${listed(useless)}.`);
+  if (report.keep === "auto" && report.entries.some((entry) => entry.kept && entry.improves < report.level))
+    said.push(`Nothing surely helps: no demonstration makes the agent better with a probability of ${level}; kept were those that may be the best.`);
   if (report.top_set != null) said.push(`That the first ${report.k} are the ${report.k} best has a probability of ${percent(report.top_set)}.`);
   return said.map((text) => el("p", { class: "small" }, text));
 }
@@ -264,6 +267,7 @@ function learning() {
 function adaptation() {
   const curves = report.curves.filter((curve) => curve.score.length || curve.accuracy.length);
   if (!curves.length) return;
+  const distance = report.judges.find((one) => one.judge === curves[0].judge).adapted_behaviors_distance;
   const ys = extent(curves.flatMap((curve) => [...curve.score.flatMap((band) => [band.low, band.high]), curve.before, curve.after]));
   const place = el("div", { class: "multiples" });
   const points = (bands) => bands.map((band, update) => [update, band.mean, band.low, band.high]);
@@ -290,7 +294,7 @@ function adaptation() {
   }
   into("adaptation",
     el("h2", {}, "How each adaptation went"),
-    el("p", { class: "soft" }, `Above: the heuristic${unit ? ` in${unit}` : ""} over the updates, the mean and the range of the repeats; the dotted line is the agent before. Below: which share the discriminator told right; at 0.5 it cannot tell the agent from the demonstration, at 1 it always can. The adapted agents are ${significant(report.adapted_behaviors_distance)} away from what was demonstrated (adapted behaviors distance, the mean of the set).${whichLooked}`),
+    el("p", { class: "soft" }, `Above: the heuristic${unit ? ` in${unit}` : ""} over the updates, the mean and the range of the repeats; the dotted line is the agent before. Below: which share the discriminator told right; at 0.5 it cannot tell the agent from the demonstration, at 1 it always can. The adapted agents are ${significant(distance)} away from what was demonstrated (adapted behaviors distance, the mean of the set).${whichLooked}`),
     several ? el("div", { class: "controls" }, el("label", {}, "Variant", el("select", { on: { change: (event) => show(Number(event.target.value)) } },
       report.variants.map((name, variant) => el("option", { value: variant }, name))))) : null,
     place);
@@ -300,10 +304,12 @@ function adaptation() {
 function weights() {
   const trends = report.weights;
   if (!trends?.rounds.length) return;
+  // A round holds the weights of those that take part, which need not be all of the file.
+  const place = new Map(report.entries.map((entry) => entry.demo).sort((a, b) => a - b).map((demo, index) => [demo, index]));
   const series = report.entries.map((entry) => ({
     name: `${entry.demo}${trends.demos.includes(entry.demo) ? " kept" : ""}`, strong: trends.demos.includes(entry.demo),
     color: trends.demos.includes(entry.demo) ? "var(--ours)" : "var(--soft)", dash: trends.demos.includes(entry.demo) ? null : "3 3",
-    points: [[0, 1], ...trends.rounds.map((round, index) => [index + 1, round[entry.demo]])],
+    points: [[0, 1], ...trends.rounds.map((round, index) => [index + 1, round[place.get(entry.demo)]])],
   }));
   into("weights",
     el("h2", {}, "Weights, round by round"),
@@ -342,7 +348,7 @@ function costs() {
   const most = Math.max(...stages.map(([, steps]) => steps));
   into("costs",
     el("h2", {}, "What it cost"),
-    el("p", { class: "soft" }, `In environment steps. Every method may spend ${count(quota)} on learning to imitate and judging; ${report.method} spent ${count(of_quota)} of them.`),
+    el("p", { class: "soft" }, `In environment steps.${report.judges.some((one) => one.judge === "paper") ? ` Every method may spend ${count(quota)} on learning to imitate and judging; ${report.method} spent ${count(of_quota)} of them.` : ""}`),
     account ? el("p", { class: "soft" }, `By the judge of the paper ${count(account.once)} are paid once, and ${count(account.each)} for each demonstration.`) : null,
     el("div", { class: "scroll" }, el("table", {}, el("tbody", {}, stages.map(([stage, steps]) => el("tr", {},
       el("td", { class: "left" }, STAGES[stage] ?? (stage.startsWith("imitate_subset_keep_") ? STAGES.imitate_subset : stage)), el("td", {}, count(steps)), el("td", { class: "left", style: "width:55%" }, bar(steps / most, 260))))))));

@@ -95,7 +95,12 @@ mod tests {
             let source = Source::BuiltIn { name, text, sets: &data() };
             let only = OnlyThese::default();
             let asked = Asked { source, public: None, only: &only, preset: None, seeds: None };
-            let drawn = study_file::open(&asked).unwrap().study.drawn;
+            let study = study_file::open(&asked).unwrap().study;
+            for set in study.sets.iter().filter(|set| !set.bodies.is_empty()) {
+                let others = set.by_others();
+                assert!(others.contains(&true) && others.contains(&false), "{name}: {}", set.name);
+            }
+            let drawn = study.drawn;
             assert!(drawn.title.is_some() && drawn.paper.is_some(), "{name}");
             assert_eq!(drawn.preset.as_deref(), Some("standard"), "{name}");
             assert!(!drawn.figures.is_empty() || name == "table1", "{name}");

@@ -76,11 +76,14 @@ impl Shown<'_> {
         let row = |case: &Case| {
             let mut row = vec![case.set.clone()];
             row.extend(case.kept.clone());
+            // Of what is better when it is less, the other stands first, as in the difference.
+            let [one, other] = match decided.measure {
+                Measure::Score | Measure::Success => [&case.better, &case.than],
+                Measure::Distance | Measure::OtherBody => [&case.than, &case.better],
+            };
             let than = match (case.imitator, trains) {
-                (Some(imitator), true) => {
-                    format!("{} − {}, {}", case.better, case.than, imitator_name(imitator))
-                }
-                _ => format!("{} − {}", case.better, case.than),
+                (Some(imitator), true) => format!("{one} − {other}, {}", imitator_name(imitator)),
+                _ => format!("{one} − {other}"),
             };
             row.push(than);
             row.push(self.difference(case, decided.measure));

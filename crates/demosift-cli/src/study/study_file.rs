@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use demosift::basics::files;
 use demosift::data::demonstration::DemonstrationSet;
-use demosift::data::demonstration::episode::Columns;
+use demosift::data::demonstration::episode::{Columns, Format};
 use demosift::data::demonstration::open;
 use demosift::results::panel::Judges;
 use demosift::results::recording::Origin;
@@ -50,6 +50,9 @@ pub(crate) struct OpenedSet {
     pub(crate) task: String,
     pub(crate) sha256: String,
     pub(crate) episodes: Option<Vec<usize>>,
+    /// Those that the study file names, and as what it says that the set is stored.
+    pub(crate) columns: Columns,
+    pub(crate) format: Option<Format>,
     /// Of trainings.
     pub(crate) training: Config,
     /// Of each method that has cells of its own, by name.
@@ -77,19 +80,42 @@ pub(crate) fn open(asked: &Asked<'_>) -> Result<Opened> {
     }
     // A set is judged from what was learned on another.
     let lends = |set: &SetEntry| file.sets.iter().any(|of| named(of) && of.prior.as_ref() == Some(&set.name));
-    let (mut sets, mut planned, mut notes) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut sets, mut notes) = (Vec::new(), Vec::new());
     for entry in file.sets.iter().filter(|set| named(set) || lends(set)) {
         let during = |error: Error| error.during(&format!("the set '{}'", entry.name));
         match open_set(entry, &file, folders).map_err(during)? {
-            Found::There { opened, plan } => {
-                sets.push(*opened);
-                planned.push(*plan);
+            Found::There { opened, mut plan } => {
+                if !named(entry) {
+                    // It is asked for its prior alone.
+                    (plan.seeds.count, plan.oracle_seeds.count, plan.regret) = (0, 0, false);
+                }
+                sets.push((*opened, *plan));
             }
             Found::NotThere(why) => notes.push(format!("The set {} is left out: {why}.", entry.name)),
         }
     }
-    let there: Vec<String> = planned.iter().map(|set| set.name.clone()).collect();
+    let names_there = |sets: &[(OpenedSet, Set)]| -> Vec<String> {
+        sets.iter().map(|(_, plan)| plan.name.clone()).collect()
+    };
+    let there = names_there(&sets);
+    sets.retain(|(_, plan)| match plan.prior.as_ref().filter(|of| known.contains(&of.as_str())) {
+        Some(of) if !there.contains(of) => {
+            notes.push(format!(
+                "The set {} is left out: its prior is learned on {of}, which is not there.",
+                plan.name
+            ));
+            false
+        }
+        _ => true,
+    });
+    if let Some(wanted) = asked_for.as_ref().filter(|_| !file.sets.iter().all(named)) {
+        notes.push(format!("Only these sets were asked for: {}.", wanted.join(", ")));
+    }
+    let there = names_there(&sets);
     let is_there = |set: &String| !known.contains(&set.as_str()) || there.contains(set);
+    let is_asked_for =
+        |set: &String| is_there(set) && asked_for.as_ref().is_none_or(|wanted| wanted.contains(set));
+    let (sets, planned): (Vec<OpenedSet>, Vec<Set>) = sets.into_iter().unzip();
     let first = file.seeds.first;
     let mut study = Study {
         name: asked.source.name(),
@@ -108,10 +134,10 @@ pub(crate) fn open(asked: &Asked<'_>) -> Result<Opened> {
         pools: file
             .pools
             .iter()
-            .filter(|pool| is_there(&pool.set))
+            .filter(|pool| is_asked_for(&pool.set))
             .map(|pool| pool_of(pool, first))
             .collect(),
-        referees: (file.referees.iter().filter(|entry| is_there(&entry.set)))
+        referees: (file.referees.iter().filter(|entry| is_asked_for(&entry.set)))
             .map(|entry| refereed(entry, first))
             .collect::<Result<_>>()
             .map_err(|error| error.at(path))?,
@@ -255,6 +281,8 @@ fn open_set(entry: &SetEntry, file: &File, folders: Folders<'_>) -> Result<Found
         task: entry.task.clone(),
         sha256,
         episodes: entry.episodes.clone(),
+        columns,
+        format: entry.format,
         set,
         chosen,
     };
@@ -285,6 +313,11 @@ fn open_set(entry: &SetEntry, file: &File, folders: Folders<'_>) -> Result<Found
         known,
         prior: entry.prior.clone(),
         bodies,
+        body: entry.body.clone().or_else(|| {
+            // A task that is named by its path has a name of its own.
+            let name = &opened.chosen.task.specification().name;
+            (*name != entry.task).then(|| name.clone())
+        }),
     };
     Ok(Found::There { opened: Box::new(opened), plan: Box::new(plan) })
 }

@@ -24,7 +24,10 @@ pub(crate) fn fingerprint(work: &Work, opened: &OpenedSet, lender: Option<&Opene
     let task: Vec<&str> = task.into_iter().flatten().map(String::as_str).collect();
     let demonstrations = |of: &OpenedSet| {
         let episodes = of.episodes.as_ref().map_or(String::new(), |episodes| format!(" {episodes:?}"));
-        format!("{}{episodes}", of.sha256)
+        // The same file is another set by other columns of it.
+        let columns = if of.columns.are_usual() { String::new() } else { format!(" {:?}", of.columns) };
+        let format = of.format.map_or(String::new(), |format| format!(" {format:?}"));
+        format!("{}{episodes}{columns}{format}", of.sha256)
     };
     let lender = lender.map_or(String::new(), |lender| format!(", prior of {}", demonstrations(lender)));
     let config = match work {

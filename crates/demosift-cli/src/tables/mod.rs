@@ -10,6 +10,7 @@ pub(crate) mod study;
 pub(crate) mod verdict;
 pub(crate) mod weights;
 
+use demosift::basics::rounding;
 use demosift::data::demonstration::{DemoId, DemonstrationSet};
 use demosift::results::decline;
 use demosift::results::decline::Decline;
@@ -50,14 +51,7 @@ pub(crate) struct Scale<'a> {
 
 impl<'a> Scale<'a> {
     pub(crate) fn of(scores: impl IntoIterator<Item = Score>, unit: &'a str) -> Self {
-        let largest = scores.into_iter().map(f64::abs).filter(|score| score.is_finite()).fold(0.0, f64::max);
-        let decimals = match largest {
-            1000.0.. => 0,
-            100.0.. => 1,
-            10.0.. => 2,
-            _ => 3,
-        };
-        Self { unit, decimals }
+        Self { unit, decimals: rounding::decimals(scores) }
     }
 
     pub(crate) fn plain(self, score: Score) -> String {

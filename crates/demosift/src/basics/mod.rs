@@ -7,5 +7,6 @@ pub mod ledger;
 pub mod names;
 pub mod observer;
 pub mod part;
+pub mod rounding;
 pub mod seal;
 pub mod seed;

@@ -283,7 +283,9 @@ fn opinion(found: &Found<'_>, seed: &Seed) -> Result<Opinion> {
     let is_more_than_chance = agrees_with_itself
         .is_some_and(|agreement| is_more_than_chance(agreement, &repeats, seed.of("chance")));
     let vote = match (is_more_than_chance, helps) {
-        _ if repeats.len() < 2 => Vote::Unrepeated,
+        // Intervals of one repeat are too narrow, and even they show no help.
+        (_, false) if repeats.len() < 2 => Vote::TaughtNothing,
+        (_, true) if repeats.len() < 2 => Vote::Unrepeated,
         (_, true) if !can_be_more_than_chance(&repeats) => Vote::TooFewToTell,
         (_, false) if !can_be_more_than_chance(&repeats) => Vote::TaughtNothing,
         (false, _) => Vote::DisagreesWithItself,
@@ -323,8 +325,10 @@ fn agreement_of(repeats: &[Vec<f64>]) -> Option<f64> {
         others.for_each(|(_, other)| mean.iter_mut().zip(other).for_each(|(sum, score)| *sum += score));
         agreement::spearman(&repeats[left_out], &mean)
     };
-    let agreement = statistics::mean_of((0..repeats.len()).map(of));
-    agreement.is_finite().then_some(agreement)
+    let each: Vec<f64> = (0..repeats.len()).map(of).collect();
+    // A repeat in which all are alike, as where nobody succeeded, agrees with nothing and contradicts nothing.
+    let agreement = each.iter().map(|agreement| if agreement.is_finite() { *agreement } else { 0.0 });
+    each.iter().any(|agreement| agreement.is_finite()).then(|| statistics::mean_of(agreement))
 }
 
 /// How often the repeats are shuffled, and up to which share of these may agree as well.
@@ -339,14 +343,48 @@ fn can_be_more_than_chance(repeats: &[Vec<f64>]) -> bool {
 
 /// A permutation test: who was imitated is shuffled in every repeat, each by itself.
 fn is_more_than_chance(agreement: f64, repeats: &[Vec<f64>], seed: Seed) -> bool {
+    let is_as_good =
+        |shuffled: &[Vec<f64>]| agreement_of(shuffled).is_none_or(|chance| chance >= agreement - 1e-9);
+    if let Some(all) = all_shuffles(repeats) {
+        let as_good = all.iter().filter(|shuffled| is_as_good(shuffled)).count();
+        return as_good as f64 / all.len() as f64 <= CHANCE;
+    }
     let mut rng = seed.into_rng();
     let mut shuffled = repeats.to_vec();
     let mut as_good = 1;
     for _ in 0..SHUFFLES {
         shuffled.iter_mut().for_each(|repeat| repeat.shuffle(&mut rng));
-        as_good += usize::from(agreement_of(&shuffled).is_none_or(|chance| chance >= agreement - 1e-9));
+        as_good += usize::from(is_as_good(&shuffled));
     }
     as_good as f64 / (SHUFFLES + 1) as f64 <= CHANCE
+}
+
+/// Every way to shuffle all repeats but the first, where these are no more than would be drawn: of few cases a draw is too rough,
+/// and the order in which the first stands changes nothing.
+fn all_shuffles(repeats: &[Vec<f64>]) -> Option<Vec<Vec<Vec<f64>>>> {
+    let orders = (1..=repeats[0].len()).try_fold(1_usize, |orders, place| orders.checked_mul(place))?;
+    orders.checked_pow(repeats.len() as u32 - 1).filter(|cases| *cases <= SHUFFLES)?;
+    let mut cases = vec![vec![repeats[0].clone()]];
+    for repeat in &repeats[1..] {
+        let orders = orders_of(repeat);
+        cases = (cases.iter())
+            .flat_map(|case| orders.iter().map(move |order| case.iter().chain([order]).cloned().collect()))
+            .collect();
+    }
+    Some(cases)
+}
+
+/// All orders of some numbers.
+fn orders_of(numbers: &[f64]) -> Vec<Vec<f64>> {
+    if numbers.is_empty() {
+        return vec![Vec::new()];
+    }
+    let with_first = |first: usize| {
+        let mut rest = numbers.to_vec();
+        let number = rest.remove(first);
+        orders_of(&rest).into_iter().map(move |order| [vec![number], order].concat())
+    };
+    (0..numbers.len()).flat_map(with_first).collect()
 }
 
 fn agreement(one: &Opinion, other: &Opinion) -> Option<f64> {
@@ -424,6 +462,41 @@ mod tests {
         assert_eq!(judged(&good, &chance).decides, Judges::Cloning);
         assert_eq!(judged(&good, &chance).together, None);
         assert_eq!(judged(&chance, &chance).decides, Judges::Cloning, "somebody must");
+    }
+
+    /// Where success is all that counts, a repeat in which nobody succeeds is usual, and says nothing against the others.
+    #[test]
+    fn a_repeat_in_which_nobody_succeeds_costs_no_vote() {
+        let succeeds = |repeats: usize| {
+            let mut found = table(&[0.0; 8], 0.0, 6, 1);
+            found.suitabilities[3].after[..repeats].iter_mut().for_each(|scores| *scores = vec![1.0; 2]);
+            let judged = judged(&found, &table(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0], 0.1, 4, 1));
+            let opinion = judged.of(Judge::Cloning).expect("it judged").clone();
+            (opinion.vote, opinion.agrees_with_itself)
+        };
+        let (vote, agreement) = succeeds(5);
+        assert_eq!(vote, Vote::Counts);
+        assert!((agreement.expect("some") - 5.0 / 6.0).abs() < 1e-9, "{agreement:?}");
+        assert_eq!(succeeds(0).1, None, "all alike");
+        assert!(!succeeds(0).0.counts());
+    }
+
+    #[test]
+    fn one_repeat_that_shows_no_help_has_no_vote() {
+        let good = table(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], 0.1, 4, 1);
+        let harms = table(&[-1.0, -2.0, -3.0, -4.0, -5.0, -6.0], 0.1, 1, 2);
+        let panel = judged(&good, &harms);
+        assert_eq!(panel.of(Judge::Paper).map(|opinion| opinion.vote), Some(Vote::TaughtNothing));
+        assert_eq!(panel.decides, Judges::Cloning);
+    }
+
+    /// Two repeats of four agree in everything by chance in one of 24 cases, which is counted and not drawn.
+    #[test]
+    fn whether_few_repeats_agree_is_no_matter_of_the_seed() {
+        let clear = table(&[1.0, 2.0, 3.0, 4.0], 0.01, 2, 1);
+        let found = [Found { judge: Judge::Cloning, scores: &clear }];
+        let vote = |seed| panel(&found, 1, &Seed::new(seed)).expect("a whole table").opinions[0].vote;
+        assert!((0..100).all(|seed| vote(seed) == Vote::Counts));
     }
 
     /// Repeats of two demonstrations agree by chance too often to tell anything, which is no reason to hear the other judge alone.

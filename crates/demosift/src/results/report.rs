@@ -158,6 +158,8 @@ pub struct JudgeShown {
     pub decides: bool,
     /// How many demonstrations it judged: all, or those near the cut.
     pub judged: usize,
+    /// The adapted behaviors distance (Table 1) over those that it judged.
+    pub adapted_behaviors_distance: f64,
     /// Whether what it says counts.
     pub vote: Vote,
     /// How far its repeats agree with each other.
@@ -328,9 +330,11 @@ pub fn judged(ledger: &dyn Ledger, judge: Judge) -> Result<Judged> {
 fn shown_judges(ledger: &dyn Ledger, panel: &Panel) -> Result<Vec<JudgeShown>> {
     let shown = |opinion: &panel::Opinion| {
         let panel::Opinion { judge, vote, agrees_with_itself, .. } = *opinion;
+        let scores = judged(ledger, judge)?.scores;
         Ok(JudgeShown {
             judge,
-            trainer: judged(ledger, judge)?.scores.trainer,
+            adapted_behaviors_distance: scores.adapted_behaviors_distance(),
+            trainer: scores.trainer,
             decides: panel.decides.each().contains(&judge),
             judged: opinion.judged(),
             vote,

@@ -72,7 +72,16 @@ fn standing(by_judge: &[Beside<'_>], kept: Kept, demo: DemoId) -> Result<Standin
     let added = DemoId(earlier.ok_or_else(|| Error::bad_input("the earlier run judged nothing"))?.0 + 1);
     let with_it = |beside: &Beside<'_>| {
         let mut table = beside.earlier.clone();
-        let new = beside.new.of_demo(demo).map(|of| Suitability { demo: added, ..of.clone() });
+        // All gains are beside the same agents before; a single new demonstration is not raced, so it may know fewer of them.
+        let before = |of: &Suitability| {
+            let earlier = beside.earlier.suitabilities.iter().find(|earlier| earlier.variant == of.variant);
+            earlier.map_or_else(|| of.before.clone(), |earlier| earlier.before.clone())
+        };
+        let new = (beside.new.of_demo(demo)).map(|of| Suitability {
+            demo: added,
+            before: before(of),
+            ..of.clone()
+        });
         table.suitabilities.extend(new);
         table
     };
@@ -146,6 +155,24 @@ mod tests {
         let auto = of(Keep::Auto, 1);
         assert_eq!(auto[2].kept, Some(true));
         assert_eq!(auto[1].kept, Some(false));
+    }
+
+    #[test]
+    fn a_new_one_stands_beside_the_agents_before_of_the_earlier_run() {
+        let mut earlier = table(&[3.0, 1.0]);
+        let before = vec![vec![0.0; 2], vec![4.0; 2]];
+        earlier.suitabilities.iter_mut().for_each(|of| of.before = before.clone());
+        // It is not raced by itself, so that it knows the first of these alone.
+        let mut new = table(&[1.0]);
+        new.suitabilities[0].before = vec![vec![0.0; 2]];
+        let seed = Seed::new(1);
+        let beside = Beside { earlier: &earlier, new: &new, seed: &seed };
+        let found = standings(&[beside], Kept { keep: Keep::Quarter, count: 1 }).expect("whole tables");
+        assert_eq!(
+            found[0].gain,
+            select::rank(&earlier).entries[1].gain,
+            "its after is that of demonstration 1"
+        );
     }
 
     #[test]

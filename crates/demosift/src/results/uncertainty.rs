@@ -2,12 +2,13 @@
 //! demonstrations this budget cannot tell apart (not in the paper, which shows one ranking without a doubt in it).
 //!
 //! The judgment is drawn again many times from what was measured, and every statement is a share of those draws.
-//! Two things vary, and each is drawn as its number allows.
+//! Three things vary, and each is drawn as its number allows.
 //!
 //! | what varies | what is exchangeable | how it is drawn |
 //! |---|---|---|
 //! | evaluation episodes, or batches | the M evaluation seeds of a variant | bootstrap: M of them with replacement, the same for all demonstrations and for the agent before, so that luck in a reset falls on all alike; widened as Student's t with M − 1 degrees of freedom is, since few of them do not tell their own spread |
 //! | adaptations, the larger noise | the repeats of one demonstration under one variant | Student's t with the spread of the repeats, for each demonstration by itself |
+//! | the agents before, where each repeat begins with another | these agents under one variant | Student's t with their spread, the same for all demonstrations |
 //!
 //! Variants are the ones that the task has, and not a sample, so they are never drawn.
 //!
@@ -333,6 +334,8 @@ struct UnderVariant {
     repeat_squares: f64,
     /// How many repeats there were.
     repeats: usize,
+    /// The mean score of each agent before, of which there is one or one a repeat.
+    starts: Vec<Score>,
 }
 
 /// The table by demonstration, in an order that does not depend on ids, with the numbers of repeats and evaluations.
@@ -390,6 +393,7 @@ fn under_variant(suitability: &Suitability) -> UnderVariant {
         gains: (0..evaluations).map(|evaluation| at(after, evaluation) - at(before, evaluation)).collect(),
         repeat_squares: squared_deviations(&repeats),
         repeats: repeats.len(),
+        starts: before.iter().map(|scores| mean(scores)).collect(),
     }
 }
 
@@ -428,7 +432,31 @@ fn draw(
         }
     }
     add_repeats(&mut draws, judged, resampling, seed)?;
+    add_starts(&mut draws, judged, seed)?;
     Ok(draws)
+}
+
+/// Adds what other agents before would have changed, by Student's t; all gains are beside the same ones, so it moves all alike and
+/// changes no order. Nothing where all begin with one agent.
+fn add_starts(draws: &mut [Vec<Score>], judged: &[Judged], seed: &Seed) -> Result<()> {
+    let mut rng = seed.of("starts").into_rng();
+    let variants = &judged[0].variants;
+    for UnderVariant { starts, .. } in variants {
+        let error =
+            (squared_deviations(starts) / (starts.len() as f64 - 1.0).max(1.0) / starts.len() as f64).sqrt();
+        if error == 0.0 {
+            continue;
+        }
+        let freedom = (starts.len() - 1) as f64;
+        let student = StudentT::new(freedom).map_err(|error| {
+            Error::bad_config(format!("{freedom} degrees of freedom of the agents before: {error}"))
+        })?;
+        for draw in &mut *draws {
+            let moved = error * student.sample(&mut rng) / variants.len() as f64;
+            draw.iter_mut().for_each(|score| *score += moved);
+        }
+    }
+    Ok(())
 }
 
 /// How far the mean of the picked gains lies from that of all.

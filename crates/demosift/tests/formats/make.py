@@ -332,6 +332,20 @@ def robomimic_of_minari(source, path):
         new["data"].attrs["env_args"] = "{}"
 
 
+def flat(name):
+    """The arrays of an npz file as OGBench saves them."""
+    ends = np.concatenate([np.arange(steps) == steps - 1 for steps in LENGTHS])
+    both = [np.concatenate([part(i, steps) for i, steps in enumerate(LENGTHS)]) for part in (observations, actions)]
+    np.savez(fresh(name), observations=both[0], actions=both[1], terminals=ends)
+
+
+def starts_of_vectors(name):
+    """Starts as stable-baselines stores them of environments that play side by side: the first alone is no array."""
+    starts = np.empty(5, dtype=object)
+    starts[:] = [True, *(np.array([step == 3]) for step in range(1, 5))]
+    np.savez(fresh(name), obs=observations(0, 5), actions=actions(0, 5), episode_starts=starts)
+
+
 TOOLS = {
     "lerobot-v3": lambda: lerobot("lerobot_v3"),
     "lerobot-v2": lambda: lerobot("lerobot_v2"),
@@ -343,6 +357,8 @@ TOOLS = {
     "imitation": lambda: imitation("imitation.npz"),
     "baselines": lambda: baselines("baselines.npz"),
     "stable-baselines": lambda: stable_baselines("stable_baselines.npz"),
+    "flat": lambda: flat("flat.npz"),
+    "starts": lambda: starts_of_vectors("starts_of_vectors.npz"),
     "orders": lambda: orders("orders.npz"),
     "maniskill": lambda: maniskill("maniskill.h5"),
     "aloha": lambda: aloha("aloha"),

@@ -216,3 +216,48 @@ fn names_of_robomimic_without_their_group_are_its_columns() {
     assert_close(last[0], observation(1, 3, 2));
     assert!(source.not_read[0].contains("obs/camera_image (an image)"), "{:?}", source.not_read);
 }
+
+#[test]
+fn pictures_and_words_beside_numbers_are_left_out_of_an_observation() {
+    let scratch = Scratch::new("pictures");
+    let path = scratch.0.join("rgbd.h5");
+    let mut file = hdf5_pure::FileBuilder::new();
+    for name in ["traj_0", "traj_1"] {
+        let mut episode = file.create_group(name);
+        episode.create_dataset("actions").with_f32_data(&[0.5; 4]).with_shape(&[2, 2]);
+        let mut obs = episode.create_group("obs");
+        obs.create_dataset("qpos").with_f32_data(&[0.25; 9]).with_shape(&[3, 3]);
+        obs.create_dataset("rgb").with_u8_data(&[7; 36]).with_shape(&[3, 2, 2, 3]);
+        episode.add_group(obs.finish());
+        file.add_group(episode.finish());
+    }
+    file.write(&path).unwrap();
+    let source = read(&path).unwrap();
+    assert_eq!(
+        (source.format, source.columns.observations.as_slice()),
+        (Format::ManiSkill, &["obs/qpos".to_owned()][..])
+    );
+    assert!(source.not_read[0].contains("obs/rgb (an image"), "{:?}", source.not_read);
+}
+
+#[test]
+fn an_observation_of_isaac_lab_may_be_one_table() {
+    let scratch = Scratch::new("isaac");
+    let path = scratch.0.join("isaac.hdf5");
+    let mut file = hdf5_pure::FileBuilder::new();
+    let mut data = file.create_group("data");
+    for name in ["demo_0", "demo_1"] {
+        let mut demo = data.create_group(name);
+        demo.create_dataset("actions").with_f32_data(&[0.5; 4]).with_shape(&[2, 2]);
+        demo.create_dataset("obs").with_f32_data(&[0.25; 6]).with_shape(&[2, 3]);
+        data.add_group(demo.finish());
+    }
+    file.add_group(data.finish());
+    file.write(&path).unwrap();
+    let source = read(&path).unwrap();
+    assert_eq!(
+        (source.format, source.columns.observations.as_slice()),
+        (Format::Robomimic, &["obs".to_owned()][..])
+    );
+    assert_eq!(source.episodes[0].observations.width(), 3);
+}

@@ -7,7 +7,7 @@ use demosift::data::demonstration::choice::Choice;
 use demosift::data::demonstration::episode::{Columns, Format, Source};
 use demosift::data::demonstration::{minari, open};
 
-use super::{FIXTURES, Scratch, assert_says, columns, fixture, read};
+use super::{FIXTURES, Scratch, assert_says, fixture, read};
 
 #[test]
 fn a_bad_row_of_lerobot_costs_its_episode_alone() {
@@ -127,6 +127,14 @@ fn sets_of_other_tools_that_are_not_read_are_named_with_the_way_out() {
     let hugging = file("hugging/dataset_info.json", "{}");
     assert_says(&read(&hugging).unwrap_err(), &["`datasets` package", "serialize.load"]);
     assert_says(&read(&file("zarr/.zgroup", "{}")).unwrap_err(), &["zarr", "docs/formats.md"]);
+    let table = file("hub/data/train-00000-of-00001.parquet", "PAR1");
+    assert_says(&read(table.parent().unwrap()).unwrap_err(), &["as on a hub", "pd.read_parquet", "indices="]);
+    let one = scratch.0.join("hub/data/train-00000-of-00001.parquet");
+    assert_says(&read(&one).unwrap_err(), &["one parquet file", "pd.read_parquet"]);
+    let flat = read(&fixture("flat.npz")).unwrap_err();
+    assert_says(&flat, &["it holds: ", "f[\"timeouts\"]", "d[\"terminals\"].astype(bool)"]);
+    let error = read(&fixture("starts_of_vectors.npz")).unwrap_err();
+    assert_says(&error, &["'episode_starts' is an array of Python objects", "np.ravel(x)[0]"]);
     let error = read(&fixture("aloha/episode_0.hdf5")).unwrap_err();
     assert_says(&error, &["one episode", "the folder of all"]);
 }

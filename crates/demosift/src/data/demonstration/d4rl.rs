@@ -5,7 +5,11 @@
 //! | `observations` | `[N, obs]` | numbers | |
 //! | `actions` | `[N, act]` | numbers | |
 //! | `terminals`, `timeouts` | `[N]` | bool or number | at least one of the two; an episode ends where either is set |
+//! | `episode_terminals` | `[N]` | bool or number | of d3rlpy, which marks every end there |
 //! | `infos/qpos`, `infos/qvel` | `[N, nq]`, `[N, nv]` | f32 or f64 | optional; for replays, see [`read_states`] |
+//!
+//! The files that SAIL and VILD record are the same by other names: `expert_states`, `expert_actions`, and `expert_masks`, which
+//! is 0 at the last step of each episode.
 //!
 //! Rewards are never read: what judges must not see them.
 //! The simulator's states come by a door of their own, since a score could be worked out from them.
@@ -45,9 +49,13 @@ pub fn read(path: &Path) -> Result<DemonstrationSet> {
 /// # Errors
 /// As [`read`], but for numbers that are not finite and episodes that are too few.
 pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
-    let columns = columns.or("observations", "actions");
     let hdf5::Opened { file, file_len } = hdf5::open(path)?;
     let root = file.root();
+    let is_of_experts = find(&root, "expert_states")?.is_some() && find(&root, "observations")?.is_none();
+    let columns = match is_of_experts {
+        true => columns.or("expert_states", "expert_actions"),
+        false => columns.or("observations", "actions"),
+    };
     let read = |names: &[String]| {
         hdf5::read_columns(&root, names, file_len).map_err(|error| {
             let option = hdf5::option_below(&root);
@@ -65,27 +73,56 @@ pub(super) fn read_source(path: &Path, columns: &Columns) -> Result<Source> {
             actions.len()
         )));
     }
-    let ends = read_ends(&root, steps, file_len)?;
+    let Ends { ends, not_read } = read_ends(&root, steps, file_len)?;
     let complete = ends.last().copied().unwrap_or(0);
     // A large set is in memory twice while it is split, and need not be there as a file too.
     drop(root);
     drop(file);
     let episodes = split(observations, actions, &ends);
-    Ok(Source { dropped_steps: steps - complete, ..Source::new(Format::D4rl, columns, episodes) })
+    Ok(Source { dropped_steps: steps - complete, not_read, ..Source::new(Format::D4rl, columns, episodes) })
 }
 
-/// The rows after which an episode ends, at least one.
-fn read_ends(root: &Group, steps: usize, file_len: u64) -> Result<Vec<usize>> {
-    let terminals = read_marks(root, "terminals", steps, file_len)?;
-    let timeouts = read_marks(root, "timeouts", steps, file_len)?;
-    let ends: Vec<usize> = (0..steps)
-        .filter(|&step| [&terminals, &timeouts].into_iter().flatten().any(|marks| marks[step]))
-        .map(|step| step + 1)
-        .collect();
+/// Where episodes end.
+struct Ends {
+    /// The rows after which one does, at least one.
+    ends: Vec<usize>,
+    /// What is to be said of the marks, in words.
+    not_read: Vec<String>,
+}
+
+fn read_ends(root: &Group, steps: usize, file_len: u64) -> Result<Ends> {
+    let marks = |name: &str| read_marks(root, name, steps, file_len);
+    let (mut terminals, timeouts) = (marks("terminals")?, marks("timeouts")?);
+    let others = [
+        marks("episode_terminals")?,
+        marks("expert_masks")?.map(|masks| masks.into_iter().map(|goes_on| !goes_on).collect::<Vec<bool>>()),
+    ];
+    let mut not_read = Vec::new();
+    // Nobody begins anew twice in a row: these marks were made afterward, where a goal was near, as in antmaze.
+    let runs_on = |marks: &[bool]| marks.windows(2).any(|pair| pair[0] && pair[1]);
+    if terminals.as_ref().is_some_and(|marks| runs_on(marks))
+        && timeouts.as_ref().is_some_and(|marks| marks.contains(&true))
+    {
+        not_read.push(
+            "'terminals' is set at several steps in a row, so it marks no ends: episodes end where 'timeouts' is set."
+                .to_owned(),
+        );
+        terminals = None;
+    }
+    let all: Vec<&Vec<bool>> = [&terminals, &timeouts].into_iter().chain(&others).flatten().collect();
+    let is_end = |step: &usize| all.iter().any(|marks| marks[*step]);
+    let ends: Vec<usize> = (0..steps).filter(is_end).map(|step| step + 1).collect();
     if ends.is_empty() {
         return Err(no_complete_episode(steps, terminals.is_some(), timeouts.is_some()));
     }
-    Ok(ends)
+    if terminals.is_some() && timeouts.is_none() && others.iter().all(Option::is_none) {
+        let starts = std::iter::once(0).chain(ends.iter().copied());
+        let longest = starts.zip(&ends).map(|(start, end)| end - start).max().unwrap_or(0);
+        not_read.push(format!(
+            "there is no 'timeouts', so an episode that ran out of time goes on into the next; the longest has {longest} steps."
+        ));
+    }
+    Ok(Ends { ends, not_read })
 }
 
 /// One flag a step, or `None` if the file has no such dataset.
@@ -119,7 +156,11 @@ fn no_complete_episode(steps: usize, has_terminals: bool, has_timeouts: bool) ->
         (true, true) => format!("neither 'terminals' nor 'timeouts' is set at any of {steps} steps"),
     };
     Error::bad_input(format!("the file holds no complete episode: {found}"))
-        .with_hint("set 'timeouts' or 'terminals' at the last step of each episode")
+        .with_hint(
+            "set 'timeouts' or 'terminals' at the last step of each episode; where every episode ran out of time, after 1000 steps \
+             for example: import h5py, numpy; f = h5py.File(\"SET\", \"r+\"); n = len(f[\"actions\"]); \
+             f[\"timeouts\"] = numpy.arange(1, n + 1) % 1000 == 0; f.close()",
+        )
 }
 
 /// Cuts the tables after each of `ends`.

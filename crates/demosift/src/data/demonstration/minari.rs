@@ -21,8 +21,8 @@ use serde::Deserialize;
 use crate::basics::error::{Error, Result};
 use crate::basics::files;
 use crate::data::demonstration::episode::{Columns, Episode, Format, Says, Source, trailing_number};
-use crate::data::demonstration::hdf5::{self, damaged, find, find_group};
-use crate::data::demonstration::named::json_in_words;
+use crate::data::demonstration::hdf5::{self, damaged, find, find_below, find_group};
+use crate::data::demonstration::named::{json_in_words, listed};
 use crate::data::demonstration::parquet_table::{self, Table};
 use crate::data::demonstration::pointer;
 use crate::math::rows::Rows;
@@ -101,10 +101,13 @@ fn read_groups(path: &Path, columns: &Columns, layout: &Layout) -> Result<Source
     let prefix = layout.group;
     let hdf5::NumberedGroups { names, not_read } = hdf5::numbered_groups(&root, "the file", prefix)?;
     let first = root.group(&names[0]).map_err(damaged)?;
-    let columns = Columns {
-        observations: usual(&first, &columns.observations, layout.observations)?,
-        actions: usual(&first, &columns.actions, layout.actions)?,
-    };
+    let mut observed = usual(&first, &columns.observations, layout.observations)?;
+    let mut not_read = not_read;
+    if columns.observations.is_empty() {
+        not_read.extend(leave_out_what_is_no_number(&first, &mut observed)?);
+    }
+    let columns =
+        Columns { observations: observed, actions: usual(&first, &columns.actions, layout.actions)? };
     let episodes = names.iter().map(|name| {
         let label = trailing_number(name).map_or_else(|| name.clone(), |number| number.to_string());
         let read = || {
@@ -130,6 +133,25 @@ fn usual(episode: &Group, named: &[String], name: &str) -> Result<Vec<String>> {
         None => names.push(name.to_owned()),
     }
     Ok(names)
+}
+
+/// Leaves images and words out of an observation in parts, and says so; what has nothing else is left as it is, for its error.
+fn leave_out_what_is_no_number(episode: &Group, observed: &mut Vec<String>) -> Result<Option<String>> {
+    let (mut numbers, mut others) = (Vec::new(), Vec::new());
+    for path in observed.iter() {
+        let Some(dataset) = find_below(episode, path)? else { return Ok(None) };
+        let (shape, element) = (dataset.shape().map_err(damaged)?, dataset.dtype().map_err(damaged)?);
+        match shape.len() {
+            _ if !hdf5::is_number(&element) => others.push(format!("{path} (no numbers)")),
+            0..=2 => numbers.push(path.clone()),
+            _ => others.push(format!("{path} (an image or a table a step)")),
+        }
+    }
+    if numbers.is_empty() || others.is_empty() {
+        return Ok(None);
+    }
+    *observed = numbers;
+    Ok(Some(format!("Left out of the observation: {}.", listed(&others))))
 }
 
 /// Paths of all datasets below a group, in alphabetical order and tuples in theirs.

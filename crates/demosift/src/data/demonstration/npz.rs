@@ -25,6 +25,11 @@ const OBJECTS: &str = "in Python, for obs and acs of such a file: import h5py, n
                        f[\"observations\"], f[\"actions\"] = np.concatenate(list(obs)), np.concatenate(list(acs)); \
                        f[\"timeouts\"] = np.concatenate([np.arange(len(a)) == len(a) - 1 for a in acs])";
 
+/// Steps that begin an episode, as stable-baselines stores them of environments that play side by side.
+const STARTS: &str = "in Python: import numpy as np; d = dict(np.load(\"IN.npz\", allow_pickle=True)); \
+                      d[\"episode_starts\"] = np.array([bool(np.ravel(x)[0]) for x in d[\"episode_starts\"]]); \
+                      np.savez(\"OUT.npz\", **d)";
+
 /// An array with its shape, row-major.
 pub(super) struct Array<T> {
     pub(super) values: Vec<T>,
@@ -227,7 +232,7 @@ impl Header {
             return Err(Error::bad_input(format!(
                 "'{name}' is an array of Python objects, which is never read; wanted numbers of one shape"
             ))
-            .with_hint(OBJECTS));
+            .with_hint(if name == "episode_starts" { STARTS } else { OBJECTS }));
         }
         if by_columns && shape.len() > 2 {
             return Err(wrong("it is stored from its last extent on; wanted rows (numpy.ascontiguousarray)"));

@@ -299,6 +299,12 @@ fn of_no_folder(path: &Path) -> Error {
              indices=np.cumsum([len(t.acts) for t in ts])[:-1])",
         );
     }
+    if is_of_hub(path) || is_of_hub(&path.join("data")) {
+        return Error::bad_input(
+            "these are parquet files of the `datasets` package, as on a hub, which are not read; wanted a file",
+        )
+        .with_hint(OF_HUB);
+    }
     if has(".zgroup") || has("zarr.json") {
         return Error::bad_input(
             "this is a zarr store, which is not read; wanted a file or folder of a known format",
@@ -307,6 +313,20 @@ fn of_no_folder(path: &Path) -> Error {
     }
     Error::bad_input(format!("this folder holds no {RECORDED}, so it is no demonstration set"))
         .with_hint(KNOWN)
+}
+
+/// What `imitation` puts on a hub, one trajectory a row.
+const OF_HUB: &str = "with the columns of imitation, in Python: import numpy as np, pandas as pd; t = pd.read_parquet(\"FOLDER/data\"); \
+                      np.savez(\"set.npz\", obs=np.concatenate([np.stack(o) for o in t.obs]), \
+                      acts=np.concatenate([np.stack(a) for a in t.acts]), indices=np.cumsum([len(a) for a in t.acts])[:-1])";
+
+/// Whether a folder holds a split of the `datasets` package as parquet files.
+fn is_of_hub(folder: &Path) -> bool {
+    let is_split = |name: &std::ffi::OsStr| {
+        let name = name.to_string_lossy();
+        name.ends_with(".parquet") && (name.starts_with("train-") || name.starts_with("test-"))
+    };
+    fs::read_dir(folder).is_ok_and(|entries| entries.flatten().any(|entry| is_split(&entry.file_name())))
 }
 
 fn of_file(path: &Path) -> Result<Format> {
@@ -323,9 +343,12 @@ fn of_file(path: &Path) -> Result<Format> {
         return npz::names(path).and_then(|names| of_npz(&names));
     }
     if start.starts_with(b"PAR1") {
-        return Err(Error::bad_input(
-            "this is one parquet file of a data set; wanted the folder of the whole set",
-        ));
+        let error =
+            Error::bad_input("this is one parquet file of a data set; wanted the folder of the whole set");
+        return Err(match path.parent().is_some_and(is_of_hub) {
+            true => error.with_hint(OF_HUB),
+            false => error,
+        });
     }
     // An HDF5 file may have something else before it, so its own reader looks for the signature.
     if !hdf5_pure::is_hdf5(path)
@@ -366,6 +389,16 @@ fn of_npz(names: &[String]) -> Result<Format> {
              holds: {}",
             listed(names)
         ))
-        .with_hint("docs/formats.md shows in ten lines how arrays become a file that is read"))
+        .with_hint(match [("observations", "terminals"), ("observations", "timeouts"), ("states", "dones")]
+            .into_iter()
+            .find(|(observed, ends)| has("actions") && has(observed) && has(ends))
+        {
+            Some((observed, ends)) => format!(
+                "in Python: import h5py, numpy as np; d = np.load(\"IN.npz\"); f = h5py.File(\"OUT.hdf5\", \"w\"); \
+                 f[\"observations\"], f[\"actions\"], f[\"timeouts\"] = d[\"{observed}\"], d[\"actions\"], \
+                 d[\"{ends}\"].astype(bool); f.close()"
+            ),
+            None => "docs/formats.md shows in ten lines how arrays become a file that is read".to_owned(),
+        }))
     }
 }

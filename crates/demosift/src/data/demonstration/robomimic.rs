@@ -17,7 +17,7 @@ use hdf5_pure::{DType, File, Group};
 
 use crate::basics::error::{Error, Result};
 use crate::data::demonstration::episode::{Columns, Episode, Format, Says, Source};
-use crate::data::demonstration::hdf5::{self, damaged, find_below, find_group};
+use crate::data::demonstration::hdf5::{self, damaged, find, find_below, find_group};
 use crate::data::demonstration::listing::ColumnSeen;
 use crate::data::demonstration::named::{Named, listed};
 
@@ -132,6 +132,10 @@ fn in_full(episode: &Group, name: &str) -> Result<String> {
 
 /// Tables of floating point; where there is none, columns of one number and integers.
 fn usual_observations(episode: &Group) -> Result<Vec<String>> {
+    if find(episode, "obs")?.is_some() {
+        // Isaac Lab keeps all of an observation in one table, if it is asked to.
+        return Ok(vec!["obs".to_owned()]);
+    }
     let (mut names, mut others) = (Vec::new(), Vec::new());
     if let Some(group) = find_group(episode, "obs")? {
         for name in group.datasets().map_err(damaged)? {
@@ -152,9 +156,13 @@ fn usual_observations(episode: &Group) -> Result<Vec<String>> {
     }
     names.sort();
     if names.is_empty() {
-        return Err(Error::bad_input("there is no observation 'obs/<name>' [T, numbers]").with_hint(
-            "robomimic's dataset_states_to_obs.py adds observations to a file of states; or name columns, such as states",
-        ));
+        let error = Error::bad_input("there is no observation 'obs/<name>' [T, numbers]");
+        return Err(match find(episode, "states")? {
+            Some(_) => error.with_hint(
+                "robomimic's dataset_states_to_obs.py adds observations to a file of states; or name columns, such as states",
+            ),
+            None => error.with_hint(hdf5::option_below(episode)),
+        });
     }
     Ok(names)
 }

@@ -94,6 +94,31 @@ fn intervals_hold_the_truth_as_often_as_they_say() {
     assert!((0.87..0.96).contains(&held), "{held}");
 }
 
+/// Untrained policies are not alike, and each repeat of cloning begins with another.
+#[test]
+fn intervals_hold_the_truth_where_the_agents_before_differ() {
+    let truth = [0.0; 6];
+    let resampling = Resampling { draws: 400, ..Resampling::default() };
+    let noise = Noise { repeat: 0.3, episode_of_one: 0.3, ..Noise::NONE };
+    let (mut held, mut order) = (0, Vec::new());
+    for index in 0..300 {
+        let mut table = synthetic(&truth, sized(3, 5), &noise, Seed::new(index));
+        let mut normal = {
+            let mut rng = Seed::new(index).of("starts").into_rng();
+            move || -> f64 { StandardNormal.sample(&mut rng) }
+        };
+        let one = uncertainty(&table, &resampling, &Seed::new(index)).unwrap();
+        let before: Vec<Vec<f64>> = (0..3).map(|_| vec![0.5 * normal(); 5]).collect();
+        table.suitabilities.iter_mut().for_each(|of| of.before = before.clone());
+        let found = uncertainty(&table, &resampling, &Seed::new(index)).unwrap();
+        held += found.demonstrations.iter().filter(|doubt| doubt.low <= 0.0 && doubt.high >= 0.0).count();
+        order.push(one.groups == found.groups);
+    }
+    let held = held as f64 / (300 * truth.len()) as f64;
+    assert!((0.85..0.97).contains(&held), "{held}");
+    assert!(order.iter().all(|same| *same), "what moves all alike parts nobody");
+}
+
 #[test]
 fn one_repeat_is_said_to_be_too_narrow_and_is() {
     let noise = Noise { repeat: 0.3, episode_of_one: 0.3, ..Noise::NONE };

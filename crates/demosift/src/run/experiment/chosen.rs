@@ -56,9 +56,10 @@ fn kept_by_other(run: &Run<'_>, panel: &Panel, opinion: &Opinion) -> Result<Opti
 
 /// What final policies could be trained on: what is kept, what each judge would keep, and what surely helps by those who decide.
 pub fn worth_training_on(run: &Run<'_>, panel: &Panel, selection: &Selection) -> Result<Vec<NamedSubset>> {
-    let mut by_others = Vec::new();
+    let (mut by_others, mut heard) = (Vec::new(), 0);
     for opinion in panel.others().filter(|_| run.config.keep != Keep::Weights) {
         let Some(demos) = kept_by_other(run, panel, opinion)? else { continue };
+        heard += 1;
         let name = format!("{KEPT} by {}", as_keeper(opinion.judge.into()));
         by_others.push(NamedSubset::new(&name, &demos).ending_in(&ending(run.config)));
     }
@@ -66,7 +67,7 @@ pub fn worth_training_on(run: &Run<'_>, panel: &Panel, selection: &Selection) ->
     let name = match (run.config.keep, panel.opinions.len(), by_others.len()) {
         (Keep::Weights, ..) => BY_WEIGHTS.to_owned(),
         (_, 1, _) => KEPT.to_owned(),
-        (_, _, 0) => format!("{KEPT} by both"),
+        (_, _, 0) if heard > 0 => format!("{KEPT} by both"),
         _ => format!("{KEPT} by {}", as_keeper(panel.decides)),
     };
     let kept = NamedSubset::new(&name, &selection.subset.demos);

@@ -88,20 +88,19 @@ pub fn decide(study: &Study, finished: &Finished) -> Vec<Decided> {
 }
 
 fn decided(study: &Study, claim: &Claim, finished: &Finished) -> Decided {
-    let named = |set: &&Set| claim.sets.is_empty() || claim.sets.contains(&set.name);
     let mut cases = Vec::new();
-    // A set that nobody judges only lends its prior.
-    for set in study.sets.iter().filter(named).filter(|set| set.seeds.count > 0) {
+    for set in study.sets.iter().filter(|set| claim.is_about(set)) {
+        let at = claim.kept_of(set);
         for than in &claim.than {
             match claim.measure {
                 Measure::Distance => cases.push(by_distance(set, claim, than, finished)),
                 Measure::OtherBody => {
-                    cases.extend(claim.at.iter().map(|kept| by_body(study, set, claim, *kept, finished)))
+                    cases.extend(at.iter().map(|kept| by_body(study, set, claim, *kept, finished)))
                 }
                 Measure::Score | Measure::Success => {
                     let imitators = study.drawn.curves.as_ref().map_or(&[][..], |curves| &curves.imitators);
                     let each =
-                        imitators.iter().flat_map(|imitator| claim.at.iter().map(move |at| (*imitator, *at)));
+                        imitators.iter().flat_map(|imitator| at.iter().map(move |at| (*imitator, *at)));
                     cases.extend(each.map(|(imitator, kept)| {
                         let sides = Sides { study, set, claim, imitator, kept };
                         sides.compared(than, finished)
@@ -111,6 +110,34 @@ fn decided(study: &Study, claim: &Claim, finished: &Finished) -> Decided {
         }
     }
     Decided { says: claim.says.clone(), by: claim.by, measure: claim.measure, cases }
+}
+
+impl Claim {
+    /// Whether it is about a set: a set that nobody judges only lends its prior, and bodies are compared where they are known.
+    pub(super) fn is_about(&self, set: &Set) -> bool {
+        let is_named = self.sets.is_empty() || self.sets.contains(&set.name);
+        let is_known = self.measure != Measure::OtherBody || !set.bodies.is_empty();
+        is_named && is_known && set.seeds.count > 0
+    }
+
+    /// What is kept of a set, each number once; a K that is no choice there says nothing.
+    fn kept_of(&self, set: &Set) -> Vec<Kept> {
+        let (mut seen, mut kept) = (Vec::new(), Vec::new());
+        for at in &self.at {
+            let number = match at {
+                Kept::Top(k) => match k.of(set.demonstrations) {
+                    Some(k) => Some(k),
+                    None => continue,
+                },
+                Kept::Weights | Kept::All => None,
+            };
+            if number.is_none() || !seen.contains(&number) {
+                seen.push(number);
+                kept.push(*at);
+            }
+        }
+        kept
+    }
 }
 
 /// Policies of both sides of a claim.

@@ -54,12 +54,16 @@ pub struct Set {
     /// The task in whose body each demonstration was made, where that is to be shown; nothing judges by it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub bodies: Vec<String>,
+    /// The task whose body the agent has, where that is not the name of `task`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
 }
 
 impl Set {
-    /// Whether each demonstration was made by another body than the task's; nothing, where it is not known.
+    /// Whether each demonstration was made by another body than the agent's; nothing, where it is not known.
     pub fn by_others(&self) -> Vec<bool> {
-        self.bodies.iter().map(|body| *body != self.task).collect()
+        let own = self.body.as_ref().unwrap_or(&self.task);
+        self.bodies.iter().map(|body| body != own).collect()
     }
 }
 

@@ -1,7 +1,8 @@
 //! Whether what a study draws fits its sets and methods, and whether a cell has all that is to be shown of it.
 
-use super::choice::Kept;
+use super::choice::{Kept, TopK};
 use super::drawn::{CHANCE, Claim, Drawn, Draws, Measure, WHOLE, Weights};
+use super::parts::Set;
 use super::plan::{Judge, Study};
 use super::{Cell, Found, Work};
 use crate::basics::error::{Error, Result};
@@ -69,25 +70,57 @@ impl Study {
             let what = if wants_k { "than and at, which may not be empty" } else { "than, and no at" };
             return Err(Error::bad_config(format!("it needs {what}")));
         }
-        let weighs = claim.at.contains(&Kept::Weights) || claim.than_at == Some(Kept::Weights);
-        let weighed = self.drawn.weights.as_ref();
-        let is_weighed = |name: &String| weighed.is_some_and(|weights| weights.methods.contains(name));
-        if weighs && !is_weighed(&claim.better) {
-            return Err(Error::bad_config(format!("[weights] does not name '{}'", claim.better)));
-        }
-        if claim.measure == Measure::OtherBody
-            && let Some(set) =
-                self.sets.iter().find(|set| claim.sets.contains(&set.name) && set.bodies.is_empty())
-        {
-            return Err(Error::bad_config(format!("the set '{}' does not say its bodies", set.name)));
-        }
-        let trains = matches!(claim.measure, Measure::Score | Measure::Success);
-        match &self.drawn.curves {
-            None if trains => {
-                Err(Error::bad_config("it is about policies, and the study has no [curves] to train any"))
+        if claim.measure == Measure::OtherBody {
+            let is_named = |set: &&Set| claim.sets.is_empty() || claim.sets.contains(&set.name);
+            let named: Vec<&Set> = self.sets.iter().filter(is_named).collect();
+            let unknown = named.iter().find(|set| set.bodies.is_empty());
+            if let Some(set) =
+                unknown.filter(|_| !claim.sets.is_empty() || named.iter().all(|set| set.bodies.is_empty()))
+            {
+                return Err(Error::bad_config(format!("the set '{}' does not say its bodies", set.name)));
             }
-            _ => Ok(()),
         }
+        self.check_kept(claim)
+    }
+
+    /// Whether what either side keeps is weighed, or trained on, at all.
+    fn check_kept(&self, claim: &Claim) -> Result<()> {
+        let trains = matches!(claim.measure, Measure::Score | Measure::Success);
+        let curves = match &self.drawn.curves {
+            None if trains => {
+                return Err(Error::bad_config(
+                    "it is about policies, and the study has no [curves] to train any",
+                ));
+            }
+            curves => curves.as_ref().filter(|_| trains),
+        };
+        let sides = claim.at.iter().flat_map(|at| {
+            let others = claim.than.iter().map(move |than| (than, claim.than_at.unwrap_or(*at)));
+            std::iter::once((&claim.better, *at)).chain(others)
+        });
+        let of_methods = sides.filter(|(name, _)| *name != WHOLE && *name != CHANCE);
+        for ((name, kept), set) in of_methods
+            .flat_map(|side| self.sets.iter().filter(|set| claim.is_about(set)).map(move |set| (side, set)))
+        {
+            let weighed = self.drawn.weights.as_ref();
+            let is_weighed =
+                weighed.is_some_and(|weights| weights.methods.contains(name) && weights.is_about(&set.name));
+            if kept == Kept::Weights && !is_weighed {
+                return Err(Error::bad_config(format!(
+                    "[weights] does not name '{name}' for the set '{}'",
+                    set.name
+                )));
+            }
+            if let (Kept::Top(k), Some(curves)) = (kept, curves)
+                && let Some(count) = k.of(set.demonstrations)
+                && !TopK::all_of(&curves.at, set.demonstrations).contains(&count)
+            {
+                return Err(Error::bad_config(format!(
+                    "K = {k}, and policies are trained on the top K of [curves] at alone, which does not have it"
+                )));
+            }
+        }
+        Ok(())
     }
 
     fn has_cells(&self, method: &str) -> bool {

@@ -37,6 +37,7 @@ fn study() -> Study {
             known: vec![Known { kind: "return".to_owned(), values: vec![1.0, 2.0, 3.0, 4.0] }],
             prior: None,
             bodies: Vec::new(),
+            body: None,
         }],
         methods: vec![
             judge("paper", false, None),
@@ -246,6 +247,21 @@ fn the_truly_best_one_is_chosen_by_other_trainings_than_the_one_that_scores_it()
     assert_eq!([0, 1].map(|seed| best(1, seed)), [Some(vec![DemoId(1)]), Some(vec![DemoId(0)])]);
     assert_eq!(best(1, 7), Some(vec![DemoId(0)]), "a training that is none of the oracle's");
     assert_eq!(best(2, 0), Some(vec![DemoId(0), DemoId(1)]), "trainings on two choose nothing");
+}
+
+/// A seed of the oracle that failed is none, so those after it must not be taken for it.
+#[test]
+fn the_truly_best_one_is_chosen_by_others_where_an_earlier_seed_failed() {
+    let (mut study, mut finished) = (study(), Finished::default());
+    study.sets[0].oracle_seeds = seeds(3);
+    for (demo, ends) in [[9.0, 0.0], [4.0, 4.0], [1.0, 1.0], [2.0, 2.0]].into_iter().enumerate() {
+        (1..3).for_each(|seed| finished.add(trained(&[demo], seed, ends[seed as usize - 1])));
+        let alone = trained(&[demo], 0, 0.0);
+        let found = if demo == 3 { Found::Failed("NaN".to_owned()) } else { alone.found };
+        finished.add(Cell { found, ..alone });
+    }
+    let best = |seed| study.truly_best_without(seed, &study.sets[0], Rule::Gail, 1, &finished);
+    assert_eq!([1, 2].map(best), [Some(ids(&[1])), Some(ids(&[0]))]);
 }
 
 #[test]

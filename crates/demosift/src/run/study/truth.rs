@@ -129,8 +129,12 @@ impl Study {
         let best = self.truly_best(set, imitator, k, finished)?;
         match (k, Truth::oracle(self, set, imitator, finished)) {
             (1, Some(Truth::Oracle(seeds))) if seeds.len() > 1 => {
-                let left =
-                    set.oracle_seeds.each().position(|of| of == seed).filter(|left| *left < seeds.len());
+                // Those of which a training failed are none of the oracle's.
+                let is_whole = |of: &u64| {
+                    (0..set.demonstrations)
+                        .all(|demo| finished.training(&set.name, &[DemoId(demo)], imitator, *of).is_some())
+                };
+                let left = set.oracle_seeds.each().filter(is_whole).position(|of| of == seed);
                 Some(left.map_or(best, |left| top(&without(&seeds, left), k)))
             }
             _ => Some(best),

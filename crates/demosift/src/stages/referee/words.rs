@@ -1,7 +1,7 @@
 //! The verdict as one sentence that is true.
 
 use super::{Candidate, Conclusion, DECISIVE, Side, Verdict};
-use crate::world::heuristic::Score;
+use crate::basics::rounding::decimals;
 
 /// More demonstrations than these are not listed.
 const LISTED: usize = 8;
@@ -26,7 +26,7 @@ pub(super) fn sentence(verdict: &Verdict, unit: &str) -> String {
     };
     let (kept, size) = (candidate(difference.of), candidate(difference.of).size);
     let numbers = [difference.by, difference.low, difference.high];
-    let signed = |score| format!("{:+.*}", decimals(&numbers), score);
+    let signed = |score| format!("{:+.*}", decimals(numbers), score);
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
     let between = format!("between {} and {}{unit}", signed(difference.low), signed(difference.high));
     let beside = |whose: &str| {
@@ -62,15 +62,5 @@ fn described(Candidate { names, side, size, demos, .. }: &Candidate) -> String {
             format!("the {size} {noun} {}{listed}", names.join(" and "))
         }
         Side::Random => format!("random subsets of {size}"),
-    }
-}
-
-/// As many decimals as the size of the numbers asks for.
-fn decimals(numbers: &[Score]) -> usize {
-    match numbers.iter().map(|number| number.abs()).filter(|number| number.is_finite()).fold(0.0, f64::max) {
-        1000.0.. => 0,
-        100.0.. => 1,
-        10.0.. => 2,
-        _ => 3,
     }
 }

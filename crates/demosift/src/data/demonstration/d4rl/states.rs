@@ -43,7 +43,7 @@ fn read_logs(path: &Path) -> Result<Option<Vec<StateLog>>> {
             )));
         }
     }
-    let ends = read_ends(&root, steps, file_len)?;
+    let ends = read_ends(&root, steps, file_len)?.ends;
     let starts = std::iter::once(0).chain(ends.iter().copied());
     let logs = starts
         .zip(&ends)

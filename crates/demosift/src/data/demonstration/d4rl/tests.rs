@@ -95,6 +95,57 @@ fn what_was_written_is_read_again() {
     }
 }
 
+/// A file of six steps with these marks, read.
+fn read_with(name: &str, marks: &[(&str, [u8; 6])]) -> Source {
+    let scratch = Scratch::new(name);
+    let bytes = file_with(|file| {
+        for column in ["observations", "actions"] {
+            add(file, column, &[6, 1], &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+        }
+        for (name, values) in marks {
+            file.create_dataset(name).with_u8_data(values);
+        }
+    });
+    std::fs::write(scratch.file(), bytes).unwrap();
+    read_source(&scratch.file(), &Columns::default()).unwrap()
+}
+
+fn lengths(source: &Source) -> Vec<usize> {
+    source.episodes.iter().map(|episode| episode.actions.len()).collect()
+}
+
+#[test]
+fn where_an_episode_ends_is_said_in_more_ways_than_one() {
+    // As in antmaze, where a goal was near for several steps of one episode.
+    let near = [("terminals", [0, 1, 1, 0, 0, 0]), ("timeouts", [0, 0, 0, 0, 0, 1])];
+    let source = read_with("near", &near);
+    assert_eq!(lengths(&source), [6]);
+    assert!(source.not_read[0].contains("marks no ends"), "{:?}", source.not_read);
+    // As d3rlpy writes, the second of which ran out of time.
+    let both = [("terminals", [0, 1, 0, 0, 0, 1]), ("episode_terminals", [0, 1, 0, 1, 0, 1])];
+    let source = read_with("d3rlpy", &both);
+    assert_eq!((lengths(&source), source.not_read.len()), (vec![2, 2, 2], 0));
+    // Nothing says that an episode ran out of time.
+    let source = read_with("early", &[("terminals", [0, 1, 0, 0, 0, 1])]);
+    assert_eq!(lengths(&source), [2, 4]);
+    assert!(source.not_read[0].contains("no 'timeouts'") && source.not_read[0].contains("4 steps"));
+}
+
+#[test]
+fn recordings_of_experts_have_names_of_their_own() {
+    let scratch = Scratch::new("experts");
+    let bytes = file_with(|file| {
+        add(file, "expert_states", &[5, 2], &[0.5; 10]);
+        add(file, "expert_actions", &[5, 1], &[0.1; 5]);
+        add(file, "expert_masks", &[5], &[1.0, 1.0, 0.0, 1.0, 0.0]);
+        add(file, "expert_rewards", &[5], &[1.0; 5]);
+    });
+    std::fs::write(scratch.file(), bytes).unwrap();
+    let source = read_source(&scratch.file(), &Columns::default()).unwrap();
+    assert_eq!((lengths(&source), source.not_read.len()), (vec![3, 2], 0));
+    assert_eq!(source.columns.observations, ["expert_states"]);
+}
+
 #[test]
 fn states_are_cut_where_the_demonstrations_are() {
     let scratch = Scratch::new("states");

@@ -275,6 +275,27 @@ fn a_compact_file_keeps_what_figures_show_and_no_more() {
 }
 
 #[test]
+fn a_claim_is_about_what_is_known_and_counts_a_k_once() {
+    let mut study = drawn_study();
+    let mut five = study.sets[0].clone();
+    (five.name, five.bodies) = ("five".to_owned(), Vec::new());
+    study.sets.push(five);
+    // Half of four are two, and four of four are no choice.
+    let top = |k| Kept::Top(k);
+    let at = [TopK::Count(2), TopK::Half, TopK::Count(4)].map(top).to_vec();
+    study.drawn.claims[4].at = at;
+    study.check().expect("fits");
+    let decided = claims::decide(&study, &drawn_cells(10));
+    let cases: Vec<(&str, Option<&str>)> =
+        decided[4].cases.iter().map(|case| (case.set.as_str(), case.kept.as_deref())).collect();
+    assert_eq!(cases, [("four", Some("2"))]);
+    // The agent's body may be that of a task by another name.
+    assert_eq!(study.sets[0].by_others(), [false, false, false, true]);
+    study.sets[0].body = Some("taller".to_owned());
+    assert_eq!(study.sets[0].by_others(), [true, true, true, false]);
+}
+
+#[test]
 fn what_does_not_fit_together_is_told() {
     let complaint = |change: &dyn Fn(&mut Study)| {
         let mut study = drawn_study();
@@ -302,6 +323,19 @@ fn what_does_not_fit_together_is_told() {
     tells(&|study| study.drawn.claims[0].better = "nobody".to_owned(), nobody);
     tells(&|study| study.drawn.claims[4].than = vec!["paper".to_owned()], "may hold \"chance\" alone");
     tells(&|study| study.drawn.weights = None, "[weights] does not name 'paper'");
+    let of_cloning = |study: &mut Study| {
+        study.drawn.claims[1].than_at = Some(Kept::Weights);
+        study.drawn.claims[0].than_at = Some(Kept::Weights);
+    };
+    tells(&of_cloning, "[weights] does not name 'cloning' for the set 'four'");
+    // The one that is better keeps its top 1 there.
+    let mut of_paper = drawn_study();
+    of_paper.drawn.claims[1].than_at = Some(Kept::Weights);
+    of_paper.check().expect("cloning need not be weighed");
+    let three = |study: &mut Study| study.drawn.claims[0].at = vec![Kept::Top(TopK::Count(3))];
+    tells(&three, "K = 3, and policies are trained on the top K of [curves] at alone");
+    let nobody_knows = |study: &mut Study| study.sets[0].bodies.clear();
+    tells(&nobody_knows, "the set 'four' does not say its bodies");
     let no_set = "no set 'five'; it has: four";
     tells(&|study| study.drawn.figures[0].sets = vec!["five".to_owned()], no_set);
     let with_no =
