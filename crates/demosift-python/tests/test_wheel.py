@@ -100,11 +100,25 @@ class TheCommand(InScratch):
         self.assertEqual(result.policy(numpy.zeros((5, 4))).shape, (5, 2))
         self.assertIn("srcdoc", result.report()._repr_html_())
         self.assertEqual(demosift.load("run").kept, result.kept)
+        self.assertEqual([episode.number for episode in result.of(drives([0, 10, 170]))], result.kept)
+        with self.assertRaisesRegex(demosift.Mistake, "give the set that was sifted"):
+            result.of([(observations[:20], actions[:20]) for observations, actions in drives([0, 10, 170])])
         with self.assertRaisesRegex(demosift.Mistake, "the run folder|already|exists"):
             demosift.sift(drives([0, 10, 170]), task="point_mass", out="run", progress=False, **FAST)
         out = demosift.export(result, "minari", out="kept")
         self.assertEqual(len(demosift.open(out)), len(result.kept))
         self.assertIn("demonstration", demosift.export(result, "csv"))
+
+    def test_what_is_kept_of_some_episodes_is_found_by_its_number(self):
+        some = demosift.open(demosift.Set.from_arrays(drives([170, 175, 160, 0, 10])).path, episodes="2-4")
+        result = demosift.sift(some, task="point_mass", out="run", keep=1, progress=False, **{**FAST, "referee": "none"})
+        self.assertIn(result.kept, [[3], [4]])
+        kept = result.of(some)
+        self.assertEqual([episode.number for episode in kept], result.kept)
+        # The drives to the goal push to the east.
+        self.assertGreater(kept[0].actions[0, 0], 0.9)
+        with self.assertRaisesRegex(demosift.Mistake, "the set has no demonstration"):
+            result.of(demosift.open(some.path, episodes="0-2"))
 
     def test_one_demonstration_is_judged_afterwards(self):
         few = {"meta_train.rounds": 2, "judge.iterations": 1, "judge.averaged": 1, "judge.evaluations": 2, "judge.repeats": 1}
@@ -276,6 +290,10 @@ class Sets(InScratch):
         self.assertEqual([len(episode) for episode in demonstrations], [4, 3, 5])
         some = demosift.open(file, columns=["obs/wrist"], episodes="1-2")
         self.assertEqual([len(episode) for episode in some], [3, 5])
+        self.assertEqual([(episode.number, episode.label) for episode in some], [(1, "demo_1"), (2, "demo_2")])
+        self.assertEqual([episode.number for episode in some.numbered([2, 1])], [2, 1])
+        with self.assertRaisesRegex(demosift.Mistake, "has no demonstration 0; its 2 have numbers from 1 to 2"):
+            some.numbered([0])
         self.assertEqual(demonstrations.inspect()["inspection"]["format"], "robomimic")
 
 

@@ -18,6 +18,7 @@ from .engines import Map
 from .errors import Mistake
 from .parts import in_parts
 from .policies import Policy
+from .sets import Episode
 from .sets import open as open_set
 
 #: Which judge and which referee an imitator means.
@@ -76,8 +77,28 @@ class Result:
 
     @property
     def kept(self) -> list[int]:
-        """The demonstrations to train on, in the order of the set: what the referee recommends."""
-        return sorted(row["demonstration"] for row in self._exported["demonstrations"] if row["kept"])
+        """Numbers of the demonstrations to train on, in the order of the set: what the referee recommends.
+
+        A number is a position in the file, from 0; `of` takes these from a set, some of whose episodes may have been left out.
+        """
+        return [row["demonstration"] for row in self._kept_rows()]
+
+    def of(self, demonstrations: Any) -> list[Episode]:
+        """The demonstrations to train on, out of the set that was sifted, which is whatever `demosift.open` takes."""
+        rows = self._kept_rows()
+        episodes = open_set(demonstrations).numbered(row["demonstration"] for row in rows)
+        for row, episode in zip(rows, episodes):
+            if (episode.label, len(episode)) != (row["label"], row["steps"]):
+                raise Mistake(
+                    f"demonstration {episode.number} of the set is '{episode.label}' with {len(episode)} steps, and in the run it is "
+                    f"'{row['label']}' with {row['steps']}",
+                    "give the set that was sifted",
+                )
+        return episodes
+
+    def _kept_rows(self) -> list[dict[str, Any]]:
+        rows = [row for row in self._exported["demonstrations"] if row["kept"]]
+        return sorted(rows, key=lambda row: row["demonstration"])
 
     @property
     def verdict(self) -> str | None:
