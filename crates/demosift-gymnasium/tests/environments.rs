@@ -204,6 +204,10 @@ fn each_failure_in_play_is_one_sentence() {
             "point: the environment's process ended by signal 9 (SIGKILL, perhaps for want of memory) during a step; its last words: out of luck",
         ),
         (
+            "kills_itself_beside_a_child",
+            "point: the environment's process ended by signal 9 (SIGKILL, perhaps for want of memory) during a step",
+        ),
+        (
             "NotANumber",
             "point: the environment returned nan as 'bad' in info after step 25; wanted a finite number",
         ),
@@ -244,6 +248,12 @@ fn an_environment_that_hangs_is_ended_after_its_time() {
 fn an_environment_that_prints_disturbs_nothing() {
     let (Some(loud), Some(silent)) = (open("prints"), open("Still")) else { return };
     assert_eq!(played(&loud, 2).unwrap(), played(&silent, 2).unwrap());
+}
+
+#[test]
+fn a_child_that_an_environment_forks_answers_nobody() {
+    let (Some(forking), Some(silent)) = (open("forks"), open("Still")) else { return };
+    assert_eq!(played(&forking, 2).unwrap(), played(&silent, 2).unwrap());
 }
 
 #[test]

@@ -133,6 +133,42 @@ def kills_itself():
     return Point(at_step)
 
 
+def kills_itself_beside_a_child():
+    """Leaves a child that has all that it had open, and waits."""
+
+    def at_step(point):
+        if point.steps == 25:
+            if os.fork() == 0:
+                time.sleep(1000)
+                os._exit(0)
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    return Point(at_step)
+
+
+def forks():
+    """Has children that end as a program does, with other files open, and one that goes on as if it were the worker."""
+
+    def at_step(point):
+        if point.steps not in (5, 25):
+            return
+        for ends in (True, False):
+            child = os.fork()
+            if child == 0:
+                opened = [open(os.devnull, "w") for _ in range(4)]
+                if os.fork() == 0:
+                    # The child of the child has them still.
+                    [one.close() for one in opened]
+                    os._exit(0)
+                assert os.wait()[1] == 0
+                if ends:
+                    sys.exit(0)
+                return
+            assert os.waitpid(child, 0)[1] == 0
+
+    return Still(at_step)
+
+
 def exits():
     return Point(lambda point: sys.exit(3) if point.steps == 25 else None)
 
