@@ -248,6 +248,17 @@ class InParts(InScratch):
         with concurrent.futures.ProcessPoolExecutor(2) as pool:
             self.shared(pool.map)
 
+    def test_a_prior_is_learned_only_where_a_judge_starts_from_it(self):
+        few = {"meta_train.rounds": 2, "judge.iterations": 1, "judge.averaged": 1, "judge.evaluations": 2, "judge.repeats": 1}
+        values = {**TINY, **few, "inner.batch_steps": 120}
+        asked = {"preset": "quick", "referee": "none", "threads": 2, "task": "point_mass", "progress": False}
+        for judges, is_learned in [("cloning", False), ("paper", True)]:
+            shared = demosift.sift(
+                drives([0, 10, 170]), out=judges, map=map, parts=2, values={**values, "judges": judges}, **asked
+            )
+            self.assertEqual((shared.folder / "prior.safetensors").exists(), is_learned)
+            self.assertTrue((shared.folder / f"scores_{judges}.json").exists())
+
     @unittest.skipUnless(has("ray"), "Ray is not installed")
     def test_ray(self):
         import ray
