@@ -109,6 +109,28 @@ class TheCommand(InScratch):
         self.assertEqual(len(demosift.open(out)), len(result.kept))
         self.assertIn("demonstration", demosift.export(result, "csv"))
 
+    def test_parts_of_a_dict_are_taken_in_the_order_of_the_columns(self):
+        arrays = dict(numpy.load(demosift.Set.from_arrays(drives([0, 10, 170])).path))
+        where, speed = arrays["obs"][:, :2], arrays["obs"][:, 2:]
+        numpy.savez("parts.npz", **arrays, where=where, speed=speed)
+        asked = {"task": "point_mass", "progress": False, **FAST}
+        result = demosift.sift(demosift.open("parts.npz", columns=["where", "speed"]), out="run", **asked)
+        policy = result.policy
+        self.assertEqual(policy.columns, ("where", "speed"))
+        # By their names they would stand the other way round.
+        numpy.testing.assert_array_equal(policy({"speed": [3, 4], "where": [1, 2]}), policy(numpy.array([1, 2, 3, 4])))
+        with self.assertRaisesRegex(demosift.Mistake, "has no part 'speed', which the policy learned from; it has: velocity, where"):
+            policy({"velocity": [3, 4], "where": [1, 2]})
+        with self.assertRaisesRegex(demosift.Mistake, "has 3 numbers, and the policy takes 4") as caught:
+            policy({"speed": 1, "where": [1, 2]})
+        self.assertIn("zeros and ones", caught.exception.hint)
+        grouped = demosift.Policy(policy.path, columns=["obs/b", "obs/a/_index_1", "obs/a/_index_0[1:]"])
+        parts = {"a": (numpy.array([9, 4]), 3.0), "b": [1, 2], "c": "none of it"}
+        numpy.testing.assert_array_equal(grouped(parts), policy(numpy.array([1, 2, 3, 4])))
+        # One column that has another name is all of an observation, whose parts stand by their names.
+        whole = demosift.Policy(policy.path, columns=["observations"])
+        numpy.testing.assert_array_equal(whole({"y": [3, 4], "x": [1, 2]}), policy(numpy.array([1, 2, 3, 4])))
+
     def test_what_is_kept_of_some_episodes_is_found_by_its_number(self):
         some = demosift.open(demosift.Set.from_arrays(drives([170, 175, 160, 0, 10])).path, episodes="2-4")
         result = demosift.sift(some, task="point_mass", out="run", keep=1, progress=False, **{**FAST, "referee": "none"})

@@ -122,8 +122,9 @@ class Result:
             )
         if not path.is_file():
             raise Mistake(f"the run has no policy: {self.folder}", "the referee trains policies; it was asked for none")
-        simulator = (self._read("run.json") or {}).get("simulator") or {}
-        return Policy(path, simulator.get("bounds"))
+        run = self._read("run.json") or {}
+        columns = ((run.get("data") or {}).get("columns") or {}).get("observations") or ()
+        return Policy(path, (run.get("simulator") or {}).get("bounds"), columns)
 
     def _winning_trainer(self) -> str | None:
         """The user's own trainer, if that is who should train."""
