@@ -160,6 +160,10 @@ class TheCommand(InScratch):
             len(demosift.open("nowhere.hdf5"))
         with self.assertRaisesRegex(demosift.Mistake, "demonstration 0 has 30 observations and 31 actions"):
             demosift.Set.from_arrays([(numpy.zeros((30, 4)), numpy.zeros((31, 2)))])
+        for observed, acted in [(30, 28), (1, 0)]:
+            with self.assertRaisesRegex(demosift.Mistake, f"0 has .* observations and {acted} actions") as caught:
+                demosift.Set.from_arrays([(numpy.zeros((observed, 4)), numpy.zeros((acted, 2)))])
+            self.assertIn("or one observation more", caught.exception.hint)
 
     def test_ctrl_c_stops_the_run_and_it_goes_on(self):
         asked = {**FAST, "values": {**TINY, "cloning_judge.judging.iterations": 100000}}

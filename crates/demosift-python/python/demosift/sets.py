@@ -66,16 +66,16 @@ class Set:
         observed, acted, starts = [], [], []
         for number, (observations, actions) in enumerate(pairs):
             actions = numpy.asarray(actions, dtype=numpy.float32)
-            actions = actions.reshape(len(actions), -1)
-            observations = numpy.asarray(observations, dtype=numpy.float32)[: len(actions)]
-            observations = observations.reshape(len(observations), -1)
+            observations = numpy.asarray(observations, dtype=numpy.float32)
+            if len(observations) == len(actions) + 1:
+                observations = observations[:-1]
             if len(observations) != len(actions) or len(actions) == 0:
                 raise Mistake(
                     f"demonstration {number} has {len(observations)} observations and {len(actions)} actions",
                     "wanted as many of both, at least one, or one observation more",
                 )
-            observed.append(observations)
-            acted.append(actions)
+            observed.append(observations.reshape(len(observations), -1))
+            acted.append(actions.reshape(len(actions), -1))
             starts.append(numpy.arange(len(actions)) == 0)
         if not acted:
             raise Mistake("there are no demonstrations in the arrays")
