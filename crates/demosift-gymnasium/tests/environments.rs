@@ -269,6 +269,15 @@ fn whether_an_environment_repeats_is_seen() {
     }
 }
 
+/// Twenty steps after such a reset are at most a hundred a second, however fast the steps are.
+#[test]
+fn a_slow_reset_makes_no_slow_environment() {
+    let Some(interpreter) = support::interpreter() else { return };
+    let wanted = Wanted { horizon: Some(2000), ..wanted(interpreter, "ResetsSlowly") };
+    let task = GymnasiumTask::open(&wanted).unwrap();
+    assert!(task.trial().steps_per_sec > 100.0, "{:?}", task.trial());
+}
+
 #[test]
 fn numbers_that_are_not_finite_are_named_before_anybody_asks_whether_they_repeat() {
     for (name, said) in [

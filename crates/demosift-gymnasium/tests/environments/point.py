@@ -201,6 +201,14 @@ def sleeps():
     return gymnasium.wrappers.TimeLimit(Point(lambda point: time.sleep(0.005)), 30)
 
 
+class ResetsSlowly(Point):
+    """Needs a fifth of a second to begin an episode, and next to nothing to go on with it."""
+
+    def reset(self, seed=None, options=None):
+        time.sleep(0.2)
+        return super().reset(seed=seed)
+
+
 class Ends(Point):
     """Is terminal after 3 steps if its first seed is odd, and truncated after 4 if not."""
 
