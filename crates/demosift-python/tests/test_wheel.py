@@ -142,12 +142,23 @@ class TheCommand(InScratch):
         with self.assertRaisesRegex(demosift.Mistake, "the set has no demonstration"):
             result.of(demosift.open(some.path, episodes="0-2"))
 
+    def test_a_dry_run_says_what_it_would_cost_and_begins_nothing(self):
+        asked = {"task": "point_mass", "out": pathlib.Path("run"), "progress": False, **FAST}
+        for more in [{}, {"map": map, "parts": 2}]:
+            forecast = demosift.sift(drives([0, 10, 170]), dry_run=True, **asked, **more)
+            self.assertTrue(forecast["dry_run"])
+            self.assertEqual([stage["stage"] for stage in forecast["stages"]], ["judge_cloning", "referee"])
+            self.assertFalse(pathlib.Path("run").exists())
+        demosift.sift(drives([0, 10, 170]), **asked)
+        self.assertEqual(demosift.sift(drives([0, 10, 170]), dry_run=True, resume=True, **asked)["stages"], [])
+
     def test_one_demonstration_is_judged_afterwards(self):
         few = {"meta_train.rounds": 2, "judge.iterations": 1, "judge.averaged": 1, "judge.evaluations": 2, "judge.repeats": 1}
         asked = {**FAST, "judge": "paper", "referee": "none", "values": {**TINY, **few, "inner.batch_steps": 120}}
         result = demosift.sift(drives([0, 10, 170]), task="point_mass", out="run", progress=False, **asked)
         standing = demosift.judge(drives([5]), prior=result, progress=False)
         self.assertEqual(len(standing), 1)
+        self.assertTrue(demosift.judge(drives([5]), prior=result, dry_run=True, progress=False)["dry_run"])
         with self.assertRaisesRegex(demosift.Mistake, "the run has no policy"):
             result.policy
 
