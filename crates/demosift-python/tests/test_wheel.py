@@ -447,6 +447,20 @@ class Environments(InScratch):
         found = demosift.check(drives([0, 10]), env=lambda: point.limited() if shift else None)
         self.assertTrue(any("repeats" in json.dumps(finding) for finding in found["findings"]), found)
 
+    def test_a_function_of_a_package_is_imported_with_the_package(self):
+        os.mkdir("mylab")
+        pathlib.Path("mylab/arm.py").write_text("from point import limited\n")
+        pathlib.Path("mylab/__init__.py").write_text("def make():\n    from .arm import limited\n    return limited()\n")
+        sys.path.insert(0, os.getcwd())
+        self.addCleanup(sys.path.remove, os.getcwd())
+        os.environ["PYTHONPATH"] = str(ENVIRONMENTS.parent)
+        self.addCleanup(os.environ.pop, "PYTHONPATH")
+        import mylab
+
+        self.addCleanup(sys.modules.pop, "mylab")
+        found = demosift.check(env=mylab.make)
+        self.assertEqual(found["environment"], "mylab:make")
+
     def test_a_line_of_progress_is_no_note(self):
         import point
 
