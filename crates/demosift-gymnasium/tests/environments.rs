@@ -251,6 +251,12 @@ fn an_environment_that_prints_disturbs_nothing() {
 }
 
 #[test]
+fn an_environment_that_reads_its_arguments_finds_none() {
+    let (Some(reading), Some(plain)) = (open("reads_its_arguments"), open("make")) else { return };
+    assert_eq!(played(&reading, 1).unwrap(), played(&plain, 1).unwrap());
+}
+
+#[test]
 fn a_child_that_an_environment_forks_answers_nobody() {
     let (Some(forking), Some(silent)) = (open("forks"), open("Still")) else { return };
     assert_eq!(played(&forking, 2).unwrap(), played(&silent, 2).unwrap());

@@ -1,5 +1,6 @@
 """A point mass as demosift's own, in numpy, and ways in which environments go wrong."""
 
+import argparse
 import os
 import signal
 import subprocess
@@ -79,6 +80,11 @@ def make():
 
 def limited():
     return gymnasium.wrappers.TimeLimit(Point(), 30)
+
+
+def reads_its_arguments():
+    argparse.ArgumentParser().parse_args()
+    return Point()
 
 
 def drawn(render_mode=None):
