@@ -341,6 +341,17 @@ fn what_cannot_be_used_is_refused_with_a_way_out() {
             "was made, and fails when it is tried: ValueError: not enough values",
             "shimmy",
         ),
+        (
+            "TakesNoSeed",
+            "TypeError: TakesNoSeed.reset() got an unexpected keyword argument 'seed'",
+            "reset(seed=..., options=...)",
+        ),
+        (
+            "acts_in_gym",
+            ":acts_in_gym: the action space is the Box of gym, and wanted is that of gymnasium",
+            "shimmy",
+        ),
+        ("observes_in_gym", "the observation space is the Box of gym, and wanted is", "shimmy"),
         ("has_no_reward", "returned a reward of type NoneType after step 1; wanted a number", "a float"),
         ("has_two_rewards", "returned a reward of type ndarray of shape (2,) after step 1", "a float"),
         ("several", "what was made is a vector of 2 environments, and one is wanted", "--workers"),

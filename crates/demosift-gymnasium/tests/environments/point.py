@@ -287,8 +287,29 @@ class OldReset(Point):
         return super().reset(seed=seed)[0]
 
 
+class TakesNoSeed(Point):
+    def reset(self):
+        return super().reset()
+
+
 def old_within_a_limit():
     return gymnasium.wrappers.TimeLimit(OldStep(), 30)
+
+
+def of_gym(space):
+    """A space as the old gym has it: of the same name, in a module of its own."""
+    return type(type(space).__name__, (), {"__module__": "gym.spaces", **vars(space)})()
+
+
+def acts_in_gym():
+    return with_action(of_gym(spaces.Box(-2.0, 2.0, (2,))))
+
+
+def observes_in_gym():
+    point = Point()
+    point.observation_space = spaces.Dict(joints=point.observation_space)
+    point.observation_space.spaces["joints"] = of_gym(point.observation_space["joints"])
+    return point
 
 
 def several():
