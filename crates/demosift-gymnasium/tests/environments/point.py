@@ -119,12 +119,29 @@ def hangs():
     return Point(lambda point: time.sleep(1000) if point.steps == 25 else None)
 
 
+def says_who_it_is(file, process):
+    """Writes the number of a process into a file, which is there when it is whole."""
+    with open(f"{file}.partial", "w") as partial:
+        partial.write(str(process))
+    os.rename(f"{file}.partial", file)
+
+
 def hangs_and_says_who_it_is():
     def at_step(point):
         if point.steps == 25:
-            with open("worker.pid.partial", "w") as file:
-                file.write(str(os.getpid()))
-            os.rename("worker.pid.partial", "worker.pid")
+            says_who_it_is("worker.pid", os.getpid())
+            time.sleep(1000)
+
+    return Point(at_step)
+
+
+def hangs_beside_its_server():
+    """Starts a process that has nothing of it open, as a simulator with a server does."""
+
+    def at_step(point):
+        if point.steps == 25:
+            server = subprocess.Popen(["sleep", "1000"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            says_who_it_is("server.pid", server.pid)
             time.sleep(1000)
 
     return Point(at_step)
