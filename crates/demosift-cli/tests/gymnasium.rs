@@ -98,6 +98,11 @@ fn sift_ranks_in_an_environment_of_the_user() {
     let output = scratch.run("select --resume --out whole");
     let wanted = format!("the version of gymnasium was 0.29.1 there, and is {gymnasium} now");
     assert!(output.status.code() == Some(2) && said(&output).contains(&wanted), "{}", said(&output));
+    std::fs::write(&path, &text).unwrap();
+    rewritten(&path, |run| run["simulator"]["bounds"][1][1] = serde_json::json!(3.0));
+    let output = scratch.run("select --resume --out whole");
+    let wanted = "the range of an action was -2 to 2, -2 to 3 there, and is -2 to 2, -2 to 2 now";
+    assert!(output.status.code() == Some(2) && said(&output).contains(wanted), "{}", said(&output));
     std::fs::write(&path, text).unwrap();
     let output = scratch.run("select --resume --out whole --horizon 20");
     assert!(said(&output).contains("the horizon was 30 there, and is 20 now"), "{}", said(&output));
