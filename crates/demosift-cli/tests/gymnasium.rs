@@ -2,7 +2,8 @@
 //!
 //! Without Gymnasium these tests say that they were skipped.
 
-use std::process::Output;
+use std::path::Path;
+use std::process::{Child, Output, Stdio};
 use std::time::Duration;
 
 use crate::support::{Scratch, assert_same_files, rewritten, write_set};
@@ -10,6 +11,7 @@ use demosift::basics::seed::Seed;
 use demosift::data::demonstration::{Demonstration, DemonstrationSet};
 use demosift::math::rows::Rows;
 use demosift::world::point_mass;
+use rustix::process::{Pid, Signal, kill_process};
 
 /// Four demonstrations of the point mass, of which 1 and 3 go to the goal, in the unit of the environment: −2 to 2.
 fn set_in_newtons(scratch: &Scratch) {
@@ -96,6 +98,11 @@ fn sift_ranks_in_an_environment_of_the_user() {
     let output = scratch.run("select --resume --out whole");
     let wanted = format!("the version of gymnasium was 0.29.1 there, and is {gymnasium} now");
     assert!(output.status.code() == Some(2) && said(&output).contains(&wanted), "{}", said(&output));
+    std::fs::write(&path, &text).unwrap();
+    rewritten(&path, |run| run["simulator"]["bounds"][1][1] = serde_json::json!(3.0));
+    let output = scratch.run("select --resume --out whole");
+    let wanted = "the range of an action was -2 to 2, -2 to 3 there, and is -2 to 2, -2 to 2 now";
+    assert!(output.status.code() == Some(2) && said(&output).contains(wanted), "{}", said(&output));
     std::fs::write(&path, text).unwrap();
     let output = scratch.run("select --resume --out whole --horizon 20");
     assert!(said(&output).contains("the horizon was 30 there, and is 20 now"), "{}", said(&output));
@@ -326,16 +333,39 @@ fn no_worker_outlives_the_command() {
         "judge set {env} --horizon 30 --judge cloning --config tiny.toml --workers 1 --time-limit 900"
     );
     let mut command = scratch.command(&arguments).spawn().unwrap();
-    let file = scratch.0.join("worker.pid");
-    while !file.exists() {
-        assert!(command.try_wait().unwrap().is_none(), "it hangs in its first episode");
-        std::thread::sleep(Duration::from_millis(20));
-    }
-    let worker = std::fs::read_to_string(&file).unwrap();
+    let worker = said_in(&scratch.0.join("worker.pid"), &mut command);
     // Not by a signal that could be told of.
     command.kill().unwrap();
     command.wait().unwrap();
     crate::support::wait_until_gone(&worker);
+}
+
+/// What an environment writes into a file before it hangs.
+fn said_in(file: &Path, command: &mut Child) -> String {
+    while !file.exists() {
+        assert!(command.try_wait().unwrap().is_none(), "it hangs in its first episode");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    std::fs::read_to_string(file).unwrap()
+}
+
+#[test]
+fn what_a_worker_has_started_ends_with_a_command_that_is_stopped() {
+    let Some(env) = env("hangs_beside_its_server") else { return };
+    for (signal, code) in [(Signal::INT, 130), (Signal::TERM, 143)] {
+        let scratch = Scratch::new("gymnasium-server");
+        set_in_newtons(&scratch);
+        let arguments = format!(
+            "judge set {env} --horizon 30 --judge cloning --config tiny.toml --workers 1 --time-limit 900"
+        );
+        let mut command = scratch.command(&arguments).stderr(Stdio::piped()).spawn().unwrap();
+        let server = said_in(&scratch.0.join("server.pid"), &mut command);
+        kill_process(Pid::from_child(&command), signal).unwrap();
+        let output = command.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(code), "{}", said(&output));
+        assert!(!said(&output).contains("error: "), "{}", said(&output));
+        crate::support::wait_until_gone(&server);
+    }
 }
 
 /// As Minari writes it: an environment by its specification, and a seed beside each episode.

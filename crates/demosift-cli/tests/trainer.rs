@@ -278,6 +278,25 @@ fn mistakes_are_one_sentence_each() {
 }
 
 #[test]
+fn a_trainer_that_is_changed_while_it_is_used_is_told() {
+    let Some(python) = crate::python::interpreter() else { return };
+    let scratch = Scratch::new("trainer-changed");
+    // It changes itself, as somebody does who edits it meanwhile.
+    let changes = "    open(__file__, 'a').write('# More.\\n')\n";
+    let text =
+        format!("def train(demonstrations, seed):\n{changes}    return lambda observation: [1.0, 0.0]\n");
+    let file = scratch.0.join("mine.py");
+    std::fs::write(&file, &text).unwrap();
+    let trainer = format!("--trainer mine.py:train --python {} --referee trainer=3", python.display());
+    let wanted = ["the file of the trainer mine.py:train was changed since the command began", "--resume"];
+    scratch.refuse(&format!("sift {HOW} {trainer} --threads 1 --out run"), &wanted);
+    std::fs::write(&file, text.replace(changes, "")).unwrap();
+    scratch.succeed("sift --resume --out run --threads 1");
+    let found = verdict(&scratch, "run");
+    assert_eq!(found["trainer"]["name"], "mine.py:train");
+}
+
+#[test]
 fn no_trainer_outlives_the_command() {
     let Some(trainer) = trainer("hangs") else { return };
     let scratch = Scratch::new("trainer-orphan");

@@ -66,7 +66,7 @@ pub fn check(task: &GymnasiumTask, seed: &Seed) -> Result<Checked> {
     let specification = task.specification();
     let horizon = specification.horizon;
     let mut session = task.session()?;
-    let trial = trial(&mut session, task.units(), CHECK_STEPS.min(horizon))?;
+    let trial = trial(&mut session, task.units(), CHECK_STEPS, horizon)?;
     let alike = match trial.repeats {
         Repeats::Exactly => Some(plays_alike(task, &mut session, horizon)?),
         Repeats::StartOnly | Repeats::No => None,

@@ -11,7 +11,7 @@
 //! | [`source`] | what the user calls the environment, and what a set says of its own |
 //! | `own` | functions of the user's beside an environment: what measures more, and what scores an episode |
 //! | `robosuite` | the environment of robosuite that a set of robomimic names |
-//! | `process` | one process: frames, a time limit, its last words |
+//! | `process` | one process: frames, a time limit, its last words; and the end of all of them |
 //! | [`turn`] | what a reset or a step leads to |
 //! | [`whole`] | one episode, played here or there |
 //! | `session` | one environment that is open: reset, step, whole episodes |
@@ -40,3 +40,5 @@ pub mod trial;
 pub mod turn;
 pub mod units;
 pub mod whole;
+
+pub use process::end_all;

@@ -2,13 +2,13 @@
 //!
 //! The frames are described in `python/demosift_worker/worker.py`.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::fmt::Write as _;
 use std::io::{BufRead as _, BufReader, ErrorKind, Read as _, Write as _};
 use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError, mpsc};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, mpsc};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -59,6 +59,31 @@ const ONE_THREAD: [&str; 5] = [
     "NUMEXPR_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
 ];
+
+/// The process groups that are under way, by the number of the process that leads each.
+static GROUPS: Mutex<BTreeSet<u32>> = Mutex::new(BTreeSet::new());
+
+/// Ends all processes of environments and trainers at once, with what they have started themselves.
+///
+/// For a command that is about to exit without its destructors: none can be started afterwards, and whoever finds that his
+/// process has ended does not go on from there.
+pub fn end_all() {
+    let groups = groups();
+    groups.iter().for_each(|group| end_group(*group));
+    // Never given back.
+    std::mem::forget(groups);
+}
+
+fn groups() -> MutexGuard<'static, BTreeSet<u32>> {
+    GROUPS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Ends a process with what it has started, as far as that has not left its group; it may be gone already.
+fn end_group(leader: u32) {
+    if let Some(group) = Pid::from_raw(leader as i32) {
+        let _ = kill_process_group(group, Signal::KILL);
+    }
+}
 
 /// Which interpreter, and how long it may take over one answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -273,10 +298,11 @@ impl Process {
     }
 
     fn end(&mut self) {
-        if let Some(group) = Pid::from_raw(self.child.id() as i32) {
-            // What the environment has started goes too; it may be gone already.
-            let _ = kill_process_group(group, Signal::KILL);
-        }
+        let leader = self.child.id();
+        let mut groups = groups();
+        end_group(leader);
+        groups.remove(&leader);
+        drop(groups);
         let _ = self.child.wait();
     }
 }
@@ -289,6 +315,7 @@ impl Drop for Process {
         {
             self.end();
         }
+        groups().remove(&self.child.id());
     }
 }
 
@@ -363,7 +390,12 @@ fn started(command: Command) -> std::io::Result<Child> {
         let (orders, received) = mpsc::channel::<Order>();
         let serve = move || {
             for mut order in received {
-                let _ = order.started.send(order.command.spawn());
+                // Held meanwhile: none is under way that is not among them.
+                let mut groups = groups();
+                let started = order.command.spawn();
+                groups.extend(started.as_ref().ok().map(Child::id));
+                drop(groups);
+                let _ = order.started.send(started);
             }
         };
         let thread = thread::Builder::new().name("starter".to_owned()).spawn(serve);

@@ -106,7 +106,7 @@ impl GymnasiumTask {
         let horizon = horizon_of(*horizon, &greeting, source)?;
         let Measured { names, fold, success } = measured(&fold, &mut session, &greeting, horizon)?;
         let units = Units::new(&greeting.bounds);
-        let trial = trial::trial(&mut session, &units, TRIAL_STEPS.min(horizon))?;
+        let trial = trial::trial(&mut session, &units, TRIAL_STEPS, horizon)?;
         let Greeting { versions, parts, bounds, info, step_secs, picture_secs, is_put, .. } = greeting;
         let specification = Specification {
             name: source.short_name(),

@@ -82,7 +82,7 @@ impl PythonTrainer {
     pub fn open(wanted: &WantedTrainer<'_>) -> Result<Self> {
         let source = Source::of_trainer(wanted.typed)?;
         let name = source.function_name();
-        let sha256 = source.file().map(|file| files::sha256(&[file.to_owned()])).transpose()?;
+        let sha256 = sha256_of(&source)?;
         let whose = Whose {
             name: format!("the trainer {name}"),
             process: format!("the process of the trainer {name}"),
@@ -121,7 +121,7 @@ impl PythonTrainer {
         &self.versions
     }
 
-    /// A process that has imported the trainer.
+    /// A process that has imported the trainer, which is still the one that was found.
     fn start(&self) -> Result<(Process, BTreeMap<String, String>)> {
         let mut process = Process::start(&self.interpreter)?;
         let mut asked = self.source.request();
@@ -139,6 +139,11 @@ impl PythonTrainer {
             return Err(Error::simulation(format!(
                 "the worker speaks protocol {found}, and this demosift {PROTOCOL}"
             )));
+        }
+        if sha256_of(&self.source)? != self.identity.sha256 {
+            let name = &self.interpreter.whose.name;
+            return Err(Error::bad_input(format!("the file of {name} was changed since the command began"))
+                .with_hint("take back the change, or let --resume make the trainings of the changed one"));
         }
         Ok((process, learning.versions))
     }
@@ -275,6 +280,11 @@ impl Apprentice for PythonApprentice {
     fn onnx(&self) -> Option<&[u8]> {
         self.onnx.as_deref()
     }
+}
+
+/// Of the file that a trainer is in, where that is known.
+fn sha256_of(source: &Source) -> Result<Option<String>> {
+    source.file().map(|file| files::sha256(&[file.to_owned()])).transpose()
 }
 
 /// Whether what was asked for was done.

@@ -34,7 +34,7 @@ pub struct Trial {
     pub repeats: Repeats,
     /// Whether episodes of other seeds start differently.
     pub starts_differ: bool,
-    /// Environment steps in a second, in one process.
+    /// Environment steps in a second, in one process and in whole episodes, whose resets count.
     pub steps_per_sec: f64,
 }
 
@@ -67,9 +67,21 @@ pub(crate) fn random_actions(units: &Units, seed: Seed, steps: usize) -> Vec<Vec
 
 /// All turns of an episode with these actions, the reset's first.
 pub(crate) fn episode(session: &mut Session, seed: u64, actions: &[Vec<f64>]) -> Result<Vec<Turn>> {
+    let mut turns = begun(session, seed)?;
+    play_on(session, actions, &mut turns)?;
+    Ok(turns)
+}
+
+/// The turn of a reset.
+fn begun(session: &mut Session, seed: u64) -> Result<Vec<Turn>> {
     let mut turn = Turn::default();
     session.reset(seed, &mut turn)?;
-    let mut turns = vec![turn.clone()];
+    Ok(vec![turn])
+}
+
+/// Adds the turns of these actions, as far as the episode goes.
+fn play_on(session: &mut Session, actions: &[Vec<f64>], turns: &mut Vec<Turn>) -> Result<()> {
+    let mut turn = Turn::default();
     for action in actions {
         session.step(action, &mut turn)?;
         turns.push(turn.clone());
@@ -77,7 +89,7 @@ pub(crate) fn episode(session: &mut Session, seed: u64, actions: &[Vec<f64>]) ->
             break;
         }
     }
-    Ok(turns)
+    Ok(())
 }
 
 /// Rows of measurements of these turns, of which the reset's has nothing to say.
@@ -88,13 +100,16 @@ pub(crate) fn measurements(turns: &[Turn], width: usize) -> Rows {
     rows
 }
 
-/// Plays a seed, another one, and the first again, for so many steps each.
-pub(crate) fn trial(session: &mut Session, units: &Units, steps: usize) -> Result<Trial> {
-    let actions = random_actions(units, Seed::new(0).of("trial"), steps);
+/// Plays a seed, another one, and the first again, for at most so many steps each of the `horizon` that an episode has.
+pub(crate) fn trial(session: &mut Session, units: &Units, most: usize, horizon: usize) -> Result<Trial> {
+    let actions = random_actions(units, Seed::new(0).of("trial"), most.min(horizon));
     let first = episode(session, 1, &actions)?;
     let start = Instant::now();
-    let other = episode(session, 2, &actions)?;
-    let secs = start.elapsed().as_secs_f64();
+    let mut other = begun(session, 2)?;
+    let reset_secs = start.elapsed().as_secs_f64();
+    let start = Instant::now();
+    play_on(session, &actions, &mut other)?;
+    let stepping_secs = start.elapsed().as_secs_f64();
     let again = episode(session, 1, &actions)?;
     let repeats = match (first == again, first[0] == again[0]) {
         (true, _) => Repeats::Exactly,
@@ -102,5 +117,27 @@ pub(crate) fn trial(session: &mut Session, units: &Units, steps: usize) -> Resul
         (false, false) => Repeats::No,
     };
     let starts_differ = first[0].observation != other[0].observation;
-    Ok(Trial { repeats, starts_differ, steps_per_sec: (other.len() - 1) as f64 / secs.max(1e-9) })
+    let played = other.len() - 1;
+    let ends_early = other.last().is_some_and(|last| last.terminated || last.truncated);
+    let steps = if ends_early { played } else { horizon };
+    let steps_per_sec = steps_per_sec(reset_secs, stepping_secs / played as f64, steps);
+    Ok(Trial { repeats, starts_differ, steps_per_sec })
+}
+
+/// Environment steps in a second, of an episode of a reset and so many steps.
+fn steps_per_sec(reset_secs: f64, step_secs: f64, steps: usize) -> f64 {
+    let steps = steps as f64;
+    steps / (reset_secs + steps * step_secs).max(1e-9)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By hand: 0.05 s and 1000 steps of 0.0002 s are 0.25 s.
+    #[test]
+    fn a_reset_counts_once_an_episode() {
+        assert!((steps_per_sec(0.05, 0.0002, 1000) - 4000.0).abs() < 1e-6);
+        assert!((steps_per_sec(0.05, 0.0002, 20) - 20.0 / 0.054).abs() < 1e-6);
+    }
 }

@@ -204,6 +204,10 @@ fn each_failure_in_play_is_one_sentence() {
             "point: the environment's process ended by signal 9 (SIGKILL, perhaps for want of memory) during a step; its last words: out of luck",
         ),
         (
+            "kills_itself_beside_a_child",
+            "point: the environment's process ended by signal 9 (SIGKILL, perhaps for want of memory) during a step",
+        ),
+        (
             "NotANumber",
             "point: the environment returned nan as 'bad' in info after step 25; wanted a finite number",
         ),
@@ -247,6 +251,18 @@ fn an_environment_that_prints_disturbs_nothing() {
 }
 
 #[test]
+fn an_environment_that_reads_its_arguments_finds_none() {
+    let (Some(reading), Some(plain)) = (open("reads_its_arguments"), open("make")) else { return };
+    assert_eq!(played(&reading, 1).unwrap(), played(&plain, 1).unwrap());
+}
+
+#[test]
+fn a_child_that_an_environment_forks_answers_nobody() {
+    let (Some(forking), Some(silent)) = (open("forks"), open("Still")) else { return };
+    assert_eq!(played(&forking, 2).unwrap(), played(&silent, 2).unwrap());
+}
+
+#[test]
 fn whether_an_environment_repeats_is_seen() {
     for (name, wanted) in
         [("make", Repeats::Exactly), ("ignores_its_seed", Repeats::No), ("drifts", Repeats::StartOnly)]
@@ -257,6 +273,15 @@ fn whether_an_environment_repeats_is_seen() {
         assert_eq!(found.alike, (wanted == Repeats::Exactly).then_some(true), "{name}");
         assert_eq!((found.episodes, found.steps, found.terminated), (5, 150, 0));
     }
+}
+
+/// Twenty steps after such a reset are at most a hundred a second, however fast the steps are.
+#[test]
+fn a_slow_reset_makes_no_slow_environment() {
+    let Some(interpreter) = support::interpreter() else { return };
+    let wanted = Wanted { horizon: Some(2000), ..wanted(interpreter, "ResetsSlowly") };
+    let task = GymnasiumTask::open(&wanted).unwrap();
+    assert!(task.trial().steps_per_sec > 100.0, "{:?}", task.trial());
 }
 
 #[test]
@@ -316,6 +341,17 @@ fn what_cannot_be_used_is_refused_with_a_way_out() {
             "was made, and fails when it is tried: ValueError: not enough values",
             "shimmy",
         ),
+        (
+            "TakesNoSeed",
+            "TypeError: TakesNoSeed.reset() got an unexpected keyword argument 'seed'",
+            "reset(seed=..., options=...)",
+        ),
+        (
+            "acts_in_gym",
+            ":acts_in_gym: the action space is the Box of gym, and wanted is that of gymnasium",
+            "shimmy",
+        ),
+        ("observes_in_gym", "the observation space is the Box of gym, and wanted is", "shimmy"),
         ("has_no_reward", "returned a reward of type NoneType after step 1; wanted a number", "a float"),
         ("has_two_rewards", "returned a reward of type ndarray of shape (2,) after step 1", "a float"),
         ("several", "what was made is a vector of 2 environments, and one is wanted", "--workers"),

@@ -9,8 +9,9 @@ use demosift::data::demonstration::open;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-/// One episode: its label, and observations `[T, obs]` and actions `[T, act]` as bytes of f32 with their widths.
-type Recorded<'py> = (String, Bound<'py, PyBytes>, usize, Bound<'py, PyBytes>, usize);
+/// One episode: its position in the file, its label, and observations `[T, obs]` and actions `[T, act]` as bytes of f32 with
+/// their widths.
+type Recorded<'py> = (usize, String, Bound<'py, PyBytes>, usize, Bound<'py, PyBytes>, usize);
 
 /// The episodes of a file or folder of any format that is known, in its own numbers; `episodes` chooses some, such as `0-9,12`.
 #[pyfunction]
@@ -30,10 +31,10 @@ pub(crate) fn read<'py>(
     });
     let source = source.map_err(|error| crate::raised(&error))?;
     let bytes = |numbers: &[f32]| PyBytes::new(py, &crate::bytes_of(numbers));
-    let episodes = source.episodes.iter().map(|episode| {
+    let episodes = source.ids.iter().zip(&source.episodes).map(|(id, episode)| {
         let (observations, actions) = (&episode.observations, &episode.actions);
         let (observed, acted) = (bytes(observations.flat()), bytes(actions.flat()));
-        (episode.label.clone(), observed, observations.width(), acted, actions.width())
+        (id.0, episode.label.clone(), observed, observations.width(), acted, actions.width())
     });
     Ok(episodes.collect())
 }

@@ -100,11 +100,57 @@ class TheCommand(InScratch):
         self.assertEqual(result.policy(numpy.zeros((5, 4))).shape, (5, 2))
         self.assertIn("srcdoc", result.report()._repr_html_())
         self.assertEqual(demosift.load("run").kept, result.kept)
+        self.assertEqual([episode.number for episode in result.of(drives([0, 10, 170]))], result.kept)
+        with self.assertRaisesRegex(demosift.Mistake, "give the set that was sifted"):
+            result.of([(observations[:20], actions[:20]) for observations, actions in drives([0, 10, 170])])
         with self.assertRaisesRegex(demosift.Mistake, "the run folder|already|exists"):
             demosift.sift(drives([0, 10, 170]), task="point_mass", out="run", progress=False, **FAST)
         out = demosift.export(result, "minari", out="kept")
         self.assertEqual(len(demosift.open(out)), len(result.kept))
         self.assertIn("demonstration", demosift.export(result, "csv"))
+
+    def test_parts_of_a_dict_are_taken_in_the_order_of_the_columns(self):
+        arrays = dict(numpy.load(demosift.Set.from_arrays(drives([0, 10, 170])).path))
+        where, speed = arrays["obs"][:, :2], arrays["obs"][:, 2:]
+        numpy.savez("parts.npz", **arrays, where=where, speed=speed)
+        asked = {"task": "point_mass", "progress": False, **FAST}
+        result = demosift.sift(demosift.open("parts.npz", columns=["where", "speed"]), out="run", **asked)
+        policy = result.policy
+        self.assertEqual(policy.columns, ("where", "speed"))
+        # By their names they would stand the other way round.
+        numpy.testing.assert_array_equal(policy({"speed": [3, 4], "where": [1, 2]}), policy(numpy.array([1, 2, 3, 4])))
+        with self.assertRaisesRegex(demosift.Mistake, "has no part 'speed', which the policy learned from; it has: velocity, where"):
+            policy({"velocity": [3, 4], "where": [1, 2]})
+        with self.assertRaisesRegex(demosift.Mistake, "has 3 numbers, and the policy takes 4") as caught:
+            policy({"speed": 1, "where": [1, 2]})
+        self.assertIn("zeros and ones", caught.exception.hint)
+        grouped = demosift.Policy(policy.path, columns=["obs/b", "obs/a/_index_1", "obs/a/_index_0[1:]"])
+        parts = {"a": (numpy.array([9, 4]), 3.0), "b": [1, 2], "c": "none of it"}
+        numpy.testing.assert_array_equal(grouped(parts), policy(numpy.array([1, 2, 3, 4])))
+        # One column that has another name is all of an observation, whose parts stand by their names.
+        whole = demosift.Policy(policy.path, columns=["observations"])
+        numpy.testing.assert_array_equal(whole({"y": [3, 4], "x": [1, 2]}), policy(numpy.array([1, 2, 3, 4])))
+
+    def test_what_is_kept_of_some_episodes_is_found_by_its_number(self):
+        some = demosift.open(demosift.Set.from_arrays(drives([170, 175, 160, 0, 10])).path, episodes="2-4")
+        result = demosift.sift(some, task="point_mass", out="run", keep=1, progress=False, **{**FAST, "referee": "none"})
+        self.assertIn(result.kept, [[3], [4]])
+        kept = result.of(some)
+        self.assertEqual([episode.number for episode in kept], result.kept)
+        # The drives to the goal push to the east.
+        self.assertGreater(kept[0].actions[0, 0], 0.9)
+        with self.assertRaisesRegex(demosift.Mistake, "the set has no demonstration"):
+            result.of(demosift.open(some.path, episodes="0-2"))
+
+    def test_a_dry_run_says_what_it_would_cost_and_begins_nothing(self):
+        asked = {"task": "point_mass", "out": pathlib.Path("run"), "progress": False, **FAST}
+        for more in [{}, {"map": map, "parts": 2}]:
+            forecast = demosift.sift(drives([0, 10, 170]), dry_run=True, **asked, **more)
+            self.assertTrue(forecast["dry_run"])
+            self.assertEqual([stage["stage"] for stage in forecast["stages"]], ["judge_cloning", "referee"])
+            self.assertFalse(pathlib.Path("run").exists())
+        demosift.sift(drives([0, 10, 170]), **asked)
+        self.assertEqual(demosift.sift(drives([0, 10, 170]), dry_run=True, resume=True, **asked)["stages"], [])
 
     def test_one_demonstration_is_judged_afterwards(self):
         few = {"meta_train.rounds": 2, "judge.iterations": 1, "judge.averaged": 1, "judge.evaluations": 2, "judge.repeats": 1}
@@ -112,6 +158,7 @@ class TheCommand(InScratch):
         result = demosift.sift(drives([0, 10, 170]), task="point_mass", out="run", progress=False, **asked)
         standing = demosift.judge(drives([5]), prior=result, progress=False)
         self.assertEqual(len(standing), 1)
+        self.assertTrue(demosift.judge(drives([5]), prior=result, dry_run=True, progress=False)["dry_run"])
         with self.assertRaisesRegex(demosift.Mistake, "the run has no policy"):
             result.policy
 
@@ -124,6 +171,10 @@ class TheCommand(InScratch):
             len(demosift.open("nowhere.hdf5"))
         with self.assertRaisesRegex(demosift.Mistake, "demonstration 0 has 30 observations and 31 actions"):
             demosift.Set.from_arrays([(numpy.zeros((30, 4)), numpy.zeros((31, 2)))])
+        for observed, acted in [(30, 28), (1, 0)]:
+            with self.assertRaisesRegex(demosift.Mistake, f"0 has .* observations and {acted} actions") as caught:
+                demosift.Set.from_arrays([(numpy.zeros((observed, 4)), numpy.zeros((acted, 2)))])
+            self.assertIn("or one observation more", caught.exception.hint)
 
     def test_ctrl_c_stops_the_run_and_it_goes_on(self):
         asked = {**FAST, "values": {**TINY, "cloning_judge.judging.iterations": 100000}}
@@ -234,6 +285,17 @@ class InParts(InScratch):
         with concurrent.futures.ProcessPoolExecutor(2) as pool:
             self.shared(pool.map)
 
+    def test_a_prior_is_learned_only_where_a_judge_starts_from_it(self):
+        few = {"meta_train.rounds": 2, "judge.iterations": 1, "judge.averaged": 1, "judge.evaluations": 2, "judge.repeats": 1}
+        values = {**TINY, **few, "inner.batch_steps": 120}
+        asked = {"preset": "quick", "referee": "none", "threads": 2, "task": "point_mass", "progress": False}
+        for judges, is_learned in [("cloning", False), ("paper", True)]:
+            shared = demosift.sift(
+                drives([0, 10, 170]), out=judges, map=map, parts=2, values={**values, "judges": judges}, **asked
+            )
+            self.assertEqual((shared.folder / "prior.safetensors").exists(), is_learned)
+            self.assertTrue((shared.folder / f"scores_{judges}.json").exists())
+
     @unittest.skipUnless(has("ray"), "Ray is not installed")
     def test_ray(self):
         import ray
@@ -276,6 +338,10 @@ class Sets(InScratch):
         self.assertEqual([len(episode) for episode in demonstrations], [4, 3, 5])
         some = demosift.open(file, columns=["obs/wrist"], episodes="1-2")
         self.assertEqual([len(episode) for episode in some], [3, 5])
+        self.assertEqual([(episode.number, episode.label) for episode in some], [(1, "demo_1"), (2, "demo_2")])
+        self.assertEqual([episode.number for episode in some.numbered([2, 1])], [2, 1])
+        with self.assertRaisesRegex(demosift.Mistake, "has no demonstration 0; its 2 have numbers from 1 to 2"):
+            some.numbered([0])
         self.assertEqual(demonstrations.inspect()["inspection"]["format"], "robomimic")
 
 
@@ -380,6 +446,20 @@ class Environments(InScratch):
         shift = 2.0
         found = demosift.check(drives([0, 10]), env=lambda: point.limited() if shift else None)
         self.assertTrue(any("repeats" in json.dumps(finding) for finding in found["findings"]), found)
+
+    def test_a_function_of_a_package_is_imported_with_the_package(self):
+        os.mkdir("mylab")
+        pathlib.Path("mylab/arm.py").write_text("from point import limited\n")
+        pathlib.Path("mylab/__init__.py").write_text("def make():\n    from .arm import limited\n    return limited()\n")
+        sys.path.insert(0, os.getcwd())
+        self.addCleanup(sys.path.remove, os.getcwd())
+        os.environ["PYTHONPATH"] = str(ENVIRONMENTS.parent)
+        self.addCleanup(os.environ.pop, "PYTHONPATH")
+        import mylab
+
+        self.addCleanup(sys.modules.pop, "mylab")
+        found = demosift.check(env=mylab.make)
+        self.assertEqual(found["environment"], "mylab:make")
 
     def test_a_line_of_progress_is_no_note(self):
         import point

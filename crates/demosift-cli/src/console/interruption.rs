@@ -72,6 +72,8 @@ fn stop(signal: i32, typed: &[OsString], goes_on: GoesOn) {
         _ => terminal::say_stopped_only(),
     }
     locks::give_all_back();
+    // Workers end with this process by themselves, and what they have started does not.
+    demosift_gymnasium::end_all();
     // Not through destructors: other threads still work on what these would take away.
     low_level::exit(SIGNALED + signal);
 }

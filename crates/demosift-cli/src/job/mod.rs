@@ -347,7 +347,7 @@ impl Job {
     }
 }
 
-/// Learning the prior has no parts.
+/// Learning the prior has no parts. The wheel learns it first where it reads these words (`demosift/parts.py`).
 fn no_prior(part: Part) -> Error {
     Error::bad_input(format!(
         "part {part} of the judge of the paper needs the prior, which is learned once, and the run has none"

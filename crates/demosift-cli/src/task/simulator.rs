@@ -226,7 +226,17 @@ pub(crate) fn difference(
             .into_iter()
             .map(|name| (format!("the version of {name}"), version(old, name), version(new, name))),
     );
+    // Runs of before they were written down do not say.
+    if !old.bounds.is_empty() && !new.bounds.is_empty() {
+        pairs.push(("the range of an action".to_owned(), ranges(&old.bounds), ranges(&new.bounds)));
+    }
     pairs.into_iter().find(|(_, old, new)| old != new)
+}
+
+/// The range of each number of an action.
+fn ranges(bounds: &[[f64; 2]]) -> String {
+    let ranges: Vec<String> = bounds.iter().map(|[low, high]| format!("{low} to {high}")).collect();
+    ranges.join(", ")
 }
 
 /// An interpreter by its path from any working directory; a link is kept, since an environment of Python is known by it.
@@ -298,5 +308,11 @@ mod tests {
         let elsewhere = Simulator { python: "/venv/bin/python".into(), ..old.clone() };
         assert_eq!(difference(Some(&old), Some(&elsewhere)), None);
         assert_eq!(difference(Some(&old), None).unwrap().2, "a task of demosift");
+        let within = |bounds: &[[f64; 2]]| Simulator { bounds: bounds.to_vec(), ..old.clone() };
+        let (narrow, wide) = (within(&[[-1.0, 1.0], [0.0, 5.5]]), within(&[[-1.0, 1.0], [0.0, 6.0]]));
+        let wanted = words("the range of an action", "-1 to 1, 0 to 5.5", "-1 to 1, 0 to 6");
+        assert_eq!(difference(Some(&narrow), Some(&wide)), wanted);
+        assert_eq!(difference(Some(&narrow), Some(&narrow)), None);
+        assert_eq!(difference(Some(&old), Some(&wide)), None, "an earlier run says nothing of them");
     }
 }

@@ -27,7 +27,6 @@ class Texts:
 
 
 sys.meta_path.insert(0, Texts(dict(zip(sys.argv[2::2], sys.argv[3::2]))))
-# An environment that reads its arguments finds none of these.
 del sys.argv[2:]
 
 from demosift_worker.worker import main

@@ -4,13 +4,16 @@ import os
 
 #: Letters of a line of a message that are passed on.
 LONGEST_LINE = 300
-#: What helps where Gymnasium's wrappers cannot take apart what a step or a reset returned.
+#: What helps where an environment is none of Gymnasium's kind.
 OLD_API = (
-    "step() has to return observation, reward, terminated, truncated, info, and reset() observation, info; an environment of the "
-    "old gym is wrapped by shimmy.GymV21CompatibilityV0(env=...)"
+    "step() has to return observation, reward, terminated, truncated, info, and reset(seed=..., options=...) observation, info; an "
+    "environment of the old gym is wrapped by shimmy.GymV21CompatibilityV0(env=...), one of gym 0.26 by GymV26CompatibilityV0"
 )
-#: What Python says of that, wherever it happens.
-TAKEN_APART = ("expected 5, got 4", "too many values to unpack (expected 2")
+#: What Python says where wrappers cannot take apart what a step or a reset returned, and where a reset takes no seed.
+OLD = {
+    ValueError: ("expected 5, got 4", "too many values to unpack (expected 2"),
+    TypeError: ("reset() got an unexpected keyword argument 'seed'",),
+}
 
 
 class Refused(Exception):
@@ -70,5 +73,5 @@ def problem(error):
     lines = "".join(traceback.format_exception_only(type(error), error)).splitlines()
     # Before an error of syntax stands the code.
     message = in_short(lines[-1:] if isinstance(error, SyntaxError) else lines)
-    is_old = isinstance(error, ValueError) and any(words in message for words in TAKEN_APART)
+    is_old = any(isinstance(error, kind) and any(part in message for part in said) for kind, said in OLD.items())
     return {"kind": "raised", "message": message, "hint": OLD_API if is_old else None, "place": place}

@@ -1,14 +1,21 @@
 """Observations as rows of numbers, and actions within bounds."""
 
-from demosift_worker.problems import Refused
+from demosift_worker.problems import OLD_API, Refused
 
 DEEPEST = 8
+
+
+def check_not_old(space, what):
+    """Refuses a space of the old gym, whose classes have the names of Gymnasium's and are others."""
+    if type(space).__module__.split(".")[0] == "gym":
+        raise Refused(f"the {what} space is the {type(space).__name__} of gym, and wanted is that of gymnasium", OLD_API)
 
 
 def leaves(space, name="", depth=0):
     """The parts of an observation space by the order of their names: name, space, and how to get there."""
     from gymnasium import spaces
 
+    check_not_old(space, "observation")
     if depth > DEEPEST:
         raise Refused(f"the observation space is nested more than {DEEPEST} deep")
     if isinstance(space, spaces.Dict):
@@ -55,6 +62,7 @@ def action_bounds(space):
     import numpy
     from gymnasium import spaces
 
+    check_not_old(space, "action")
     if not isinstance(space, spaces.Box):
         raise Refused(
             f"the action space is {type(space).__name__}, and policies of demosift act in a Box of numbers",

@@ -56,13 +56,24 @@ def end_with_parent(parent):
 
 
 def take_streams():
-    """The streams of the frames. What the environment prints goes to standard error, and it finds nothing to read."""
+    """The streams of the frames. What the environment prints goes to standard error, and it finds nothing to read.
+
+    A child that the environment forks closes them: held open there, they would hide that this process has died.
+    """
     asked, answers = os.dup(0), os.dup(1)
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.close(nothing)
     os.dup2(2, 1)
-    return os.fdopen(asked, "rb"), answers
+    held = [asked, answers]
+
+    def close_held():
+        # Once: in a child of a child these numbers may be of other files.
+        while held:
+            os.close(held.pop())
+
+    os.register_at_fork(after_in_child=close_held)
+    return os.fdopen(asked, "rb", closefd=False), answers
 
 
 def player_of_episodes():
@@ -153,8 +164,10 @@ def send(descriptor, letter, payload):
 
 
 def main():
-    end_with_parent(int(sys.argv[1]))
+    # An environment that reads its arguments finds none.
+    end_with_parent(int(sys.argv.pop(1)))
     asked, answers = take_streams()
+    worker = os.getpid()
     desk = Desk(lambda: send(answers, b"H", b""))
     while True:
         head = exactly(asked, 5)
@@ -164,7 +177,12 @@ def main():
         try:
             letter, answer = desk.answer(head[4:], payload)
         except BaseException as error:  # Also SystemExit: whatever it is, it is told and not lost.
+            if os.getpid() != worker:
+                # A forked child that ends itself answers nobody.
+                raise
             letter, answer = b"E", json.dumps({**problem(error), "made": desk.player is not None}).encode()
+        if os.getpid() != worker:
+            os._exit(0)
         sys.stdout.flush()
         send(answers, letter, answer)
     if desk.player is not None and hasattr(desk.player.env, "close"):

@@ -1,5 +1,6 @@
 """A point mass as demosift's own, in numpy, and ways in which environments go wrong."""
 
+import argparse
 import os
 import signal
 import subprocess
@@ -81,6 +82,11 @@ def limited():
     return gymnasium.wrappers.TimeLimit(Point(), 30)
 
 
+def reads_its_arguments():
+    argparse.ArgumentParser().parse_args()
+    return Point()
+
+
 def drawn(render_mode=None):
     return gymnasium.wrappers.TimeLimit(Drawn(render_mode), 30)
 
@@ -113,12 +119,29 @@ def hangs():
     return Point(lambda point: time.sleep(1000) if point.steps == 25 else None)
 
 
+def says_who_it_is(file, process):
+    """Writes the number of a process into a file, which is there when it is whole."""
+    with open(f"{file}.partial", "w") as partial:
+        partial.write(str(process))
+    os.rename(f"{file}.partial", file)
+
+
 def hangs_and_says_who_it_is():
     def at_step(point):
         if point.steps == 25:
-            with open("worker.pid.partial", "w") as file:
-                file.write(str(os.getpid()))
-            os.rename("worker.pid.partial", "worker.pid")
+            says_who_it_is("worker.pid", os.getpid())
+            time.sleep(1000)
+
+    return Point(at_step)
+
+
+def hangs_beside_its_server():
+    """Starts a process that has nothing of it open, as a simulator with a server does."""
+
+    def at_step(point):
+        if point.steps == 25:
+            server = subprocess.Popen(["sleep", "1000"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            says_who_it_is("server.pid", server.pid)
             time.sleep(1000)
 
     return Point(at_step)
@@ -131,6 +154,42 @@ def kills_itself():
             os.kill(os.getpid(), signal.SIGKILL)
 
     return Point(at_step)
+
+
+def kills_itself_beside_a_child():
+    """Leaves a child that has all that it had open, and waits."""
+
+    def at_step(point):
+        if point.steps == 25:
+            if os.fork() == 0:
+                time.sleep(1000)
+                os._exit(0)
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    return Point(at_step)
+
+
+def forks():
+    """Has children that end as a program does, with other files open, and one that goes on as if it were the worker."""
+
+    def at_step(point):
+        if point.steps not in (5, 25):
+            return
+        for ends in (True, False):
+            child = os.fork()
+            if child == 0:
+                opened = [open(os.devnull, "w") for _ in range(4)]
+                if os.fork() == 0:
+                    # The child of the child has them still.
+                    [one.close() for one in opened]
+                    os._exit(0)
+                assert os.wait()[1] == 0
+                if ends:
+                    sys.exit(0)
+                return
+            assert os.waitpid(child, 0)[1] == 0
+
+    return Still(at_step)
 
 
 def exits():
@@ -163,6 +222,14 @@ def drifts():
 
 def sleeps():
     return gymnasium.wrappers.TimeLimit(Point(lambda point: time.sleep(0.005)), 30)
+
+
+class ResetsSlowly(Point):
+    """Needs a fifth of a second to begin an episode, and next to nothing to go on with it."""
+
+    def reset(self, seed=None, options=None):
+        time.sleep(0.2)
+        return super().reset(seed=seed)
 
 
 class Ends(Point):
@@ -237,8 +304,29 @@ class OldReset(Point):
         return super().reset(seed=seed)[0]
 
 
+class TakesNoSeed(Point):
+    def reset(self):
+        return super().reset()
+
+
 def old_within_a_limit():
     return gymnasium.wrappers.TimeLimit(OldStep(), 30)
+
+
+def of_gym(space):
+    """A space as the old gym has it: of the same name, in a module of its own."""
+    return type(type(space).__name__, (), {"__module__": "gym.spaces", **vars(space)})()
+
+
+def acts_in_gym():
+    return with_action(of_gym(spaces.Box(-2.0, 2.0, (2,))))
+
+
+def observes_in_gym():
+    point = Point()
+    point.observation_space = spaces.Dict(joints=point.observation_space)
+    point.observation_space.spaces["joints"] = of_gym(point.observation_space["joints"])
+    return point
 
 
 def several():

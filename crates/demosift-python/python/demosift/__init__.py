@@ -4,7 +4,8 @@
 
     result = demosift.sift("my_demonstrations.hdf5", env="my_env.py:make", heuristic="any is_success")
     result.ranking            # a DataFrame where pandas is installed, else a list of dicts
-    result.kept               # the demonstrations to train on
+    result.kept               # numbers of the demonstrations to train on
+    result.of("my_demonstrations.hdf5")  # these, as arrays
     result.policy(observation)
     result.report()           # shows itself in a notebook
 

@@ -54,7 +54,8 @@ def named(function: str | Callable[..., Any], what: str) -> str:
     if module is None or module_name == "__main__" or name is None or _found(module, name) is not function:
         return _pickled(function, what)
     assert module_name is not None
-    if "." in module_name or getattr(module, "__file__", None) is None:
+    # A package, too, is imported by its name: run as a file it would not find what lies in it.
+    if "." in module_name or hasattr(module, "__path__") or getattr(module, "__file__", None) is None:
         return f"{module_name}:{name}"
     return f"{os.path.abspath(str(module.__file__))}:{name}"
 

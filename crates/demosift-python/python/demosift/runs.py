@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, overload
 
 from . import command
 from .callables import named
@@ -18,6 +18,7 @@ from .engines import Map
 from .errors import Mistake
 from .parts import in_parts
 from .policies import Policy
+from .sets import Episode
 from .sets import open as open_set
 
 #: Which judge and which referee an imitator means.
@@ -76,8 +77,28 @@ class Result:
 
     @property
     def kept(self) -> list[int]:
-        """The demonstrations to train on, in the order of the set: what the referee recommends."""
-        return sorted(row["demonstration"] for row in self._exported["demonstrations"] if row["kept"])
+        """Numbers of the demonstrations to train on, in the order of the set: what the referee recommends.
+
+        A number is a position in the file, from 0; `of` takes these from a set, some of whose episodes may have been left out.
+        """
+        return [row["demonstration"] for row in self._kept_rows()]
+
+    def of(self, demonstrations: Any) -> list[Episode]:
+        """The demonstrations to train on, out of the set that was sifted, which is whatever `demosift.open` takes."""
+        rows = self._kept_rows()
+        episodes = open_set(demonstrations).numbered(row["demonstration"] for row in rows)
+        for row, episode in zip(rows, episodes):
+            if (episode.label, len(episode)) != (row["label"], row["steps"]):
+                raise Mistake(
+                    f"demonstration {episode.number} of the set is '{episode.label}' with {len(episode)} steps, and in the run it is "
+                    f"'{row['label']}' with {row['steps']}",
+                    "give the set that was sifted",
+                )
+        return episodes
+
+    def _kept_rows(self) -> list[dict[str, Any]]:
+        rows = [row for row in self._exported["demonstrations"] if row["kept"]]
+        return sorted(rows, key=lambda row: row["demonstration"])
 
     @property
     def verdict(self) -> str | None:
@@ -101,8 +122,9 @@ class Result:
             )
         if not path.is_file():
             raise Mistake(f"the run has no policy: {self.folder}", "the referee trains policies; it was asked for none")
-        simulator = (self._read("run.json") or {}).get("simulator") or {}
-        return Policy(path, simulator.get("bounds"))
+        run = self._read("run.json") or {}
+        columns = ((run.get("data") or {}).get("columns") or {}).get("observations") or ()
+        return Policy(path, (run.get("simulator") or {}).get("bounds"), columns)
 
     def _winning_trainer(self) -> str | None:
         """The user's own trainer, if that is who should train."""
@@ -135,6 +157,9 @@ class Result:
         return f"demosift.Result({str(self.folder)!r}): {self.verdict or 'no verdict'}"
 
 
+@overload
+def sift(demonstrations: Any, *, dry_run: Literal[True], **options: Any) -> dict[str, Any]: ...
+@overload
 def sift(
     demonstrations: Any,
     *,
@@ -153,8 +178,30 @@ def sift(
     progress: bool = True,
     map: Map | None = None,
     parts: int | None = None,
+    dry_run: Literal[False] = False,
     **options: Any,
-) -> Result:
+) -> Result: ...
+def sift(
+    demonstrations: Any,
+    *,
+    env: str | Callable[[], Any] | None = None,
+    task: str | None = None,
+    heuristic: str | Callable[[Any, Any, Any], float] | None = None,
+    measure: str | Callable[[Any, Any, float, dict[str, Any]], Mapping[str, float]] | None = None,
+    imitation: str | None = None,
+    workers: int | None = None,
+    horizon: int | None = None,
+    out: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    values: Mapping[str, Any] | None = None,
+    python: str | os.PathLike[str] | None = None,
+    trainer: str | Callable[[list[Any], int], Any] | None = None,
+    progress: bool = True,
+    map: Map | None = None,
+    parts: int | None = None,
+    dry_run: bool = False,
+    **options: Any,
+) -> Result | dict[str, Any]:
     """Ranks demonstrations, keeps the best, and trains policies to show whether that was worth it.
 
     `demonstrations` is whatever `demosift.open` takes.
@@ -179,6 +226,9 @@ def sift(
 
     `map` shares the work out in `parts`, such as the `map` of a pool of processes or those of `demosift.engines`; the folder
     `out` must be seen by all who take part.
+
+    With `dry_run` no run is begun, and what it would cost is returned: the answer of ``--dry-run --json``, with `stages`,
+    `environment_steps` and `minutes`.
     """
     job = _job(
         env=env,
@@ -204,10 +254,12 @@ def sift(
         if map is None or parts is None or out is None:
             raise Mistake("map, parts and out go together: who calls, how many parts there are, and the folder they share")
         out = Path(out).absolute()
-        in_parts([*asked, *command.options(out=out, **options)], options, parts, map)
         resume = True
-    answer = command.ask_json(["sift", *asked, *command.options(out=out, resume=resume, **options)], bar=progress)
-    return Result(answer["run_folder"])
+        if not dry_run:
+            in_parts([*asked, *command.options(out=out, **options)], options, parts, map)
+    how = command.options(out=out, resume=resume, dry_run=dry_run, **options)
+    answer: dict[str, Any] = command.ask_json(["sift", *asked, *how], bar=progress)
+    return answer if dry_run else Result(answer["run_folder"])
 
 
 def load(folder: str | os.PathLike[str]) -> Result:
@@ -254,12 +306,15 @@ def judge(
     """Where new demonstrations, of which one is enough, would stand in the ranking of an earlier run.
 
     A row for each, by the judge whose order is taken there: a DataFrame where pandas is installed, else a list of dicts.
+    With ``dry_run=True`` what it would cost, as a dict.
     """
     folder = prior.folder if isinstance(prior, Result) else prior
     asked = ["judge", *open_set(demonstrations).words(), "--prior", folder]
     with tempfile.TemporaryDirectory() as scratch:
         out = {} if "out" in options else {"out": Path(scratch) / "judged"}
         answer = command.ask_json([*asked, *command.options(**out, **options)], bar=progress)
+    if options.get("dry_run"):
+        return answer
     said = answer["judges"]
     deciding = [one for one in said if one["judge"] == answer["decides"]] or said
     return _table([{"goal": one["goal"], **row} if one["goal"] else row for one in deciding for row in one["standings"]])

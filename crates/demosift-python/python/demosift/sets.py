@@ -22,8 +22,12 @@ HOME = Path("runs")
 
 @dataclass(frozen=True)
 class Episode:
-    """One demonstration in the numbers of its file: observations `[T, obs]`, actions `[T, act]`, both float32."""
+    """One demonstration in the numbers of its file: observations `[T, obs]`, actions `[T, act]`, both float32.
 
+    `number` is its position in the file, from 0, by which rankings and `Result.kept` name it; `label` is what the file calls it.
+    """
+
+    number: int
     label: str
     observations: numpy.ndarray
     actions: numpy.ndarray
@@ -34,7 +38,10 @@ class Episode:
 
 @dataclass(frozen=True)
 class Set:
-    """Demonstrations on disk, and how they are read; it behaves as a sequence of `Episode`."""
+    """Demonstrations on disk, and how they are read; it behaves as a sequence of `Episode`.
+
+    An index counts the episodes that were chosen; each keeps the `number` that it has in the file.
+    """
 
     path: Path
     format: str | None = None
@@ -59,16 +66,16 @@ class Set:
         observed, acted, starts = [], [], []
         for number, (observations, actions) in enumerate(pairs):
             actions = numpy.asarray(actions, dtype=numpy.float32)
-            actions = actions.reshape(len(actions), -1)
-            observations = numpy.asarray(observations, dtype=numpy.float32)[: len(actions)]
-            observations = observations.reshape(len(observations), -1)
+            observations = numpy.asarray(observations, dtype=numpy.float32)
+            if len(observations) == len(actions) + 1:
+                observations = observations[:-1]
             if len(observations) != len(actions) or len(actions) == 0:
                 raise Mistake(
                     f"demonstration {number} has {len(observations)} observations and {len(actions)} actions",
                     "wanted as many of both, at least one, or one observation more",
                 )
-            observed.append(observations)
-            acted.append(actions)
+            observed.append(observations.reshape(len(observations), -1))
+            acted.append(actions.reshape(len(actions), -1))
             starts.append(numpy.arange(len(actions)) == 0)
         if not acted:
             raise Mistake("there are no demonstrations in the arrays")
@@ -106,6 +113,18 @@ class Set:
         answer: dict[str, Any] = command.ask_json(["inspect", *self.words()])
         return answer
 
+    def numbered(self, numbers: Iterable[int]) -> list[Episode]:
+        """The episodes of these numbers, in this order."""
+        wanted = list(numbers)
+        known = {episode.number: episode for episode in self}
+        missing = [number for number in wanted if number not in known]
+        if missing:
+            raise Mistake(
+                f"the set has no demonstration {missing[0]}; its {len(known)} have numbers from {min(known)} to {max(known)}",
+                "a number is a position in the file, from 0; open the set with the episodes that were sifted",
+            )
+        return [known[number] for number in wanted]
+
     def _all(self) -> list[Episode]:
         if not self._read:
             import numpy
@@ -115,9 +134,10 @@ class Set:
                 read = _demosift.read(self.path, self.format, *columns, self.episodes)
             except ValueError as error:
                 raise Mistake(*error.args) from error
-            for label, observed, observations, acted, actions in read:
+            for number, label, observed, observations, acted, actions in read:
                 self._read.append(
                     Episode(
+                        number,
                         label,
                         numpy.frombuffer(observed, "<f4").reshape(-1, observations),
                         numpy.frombuffer(acted, "<f4").reshape(-1, actions),
@@ -128,8 +148,8 @@ class Set:
     def __len__(self) -> int:
         return len(self._all())
 
-    def __getitem__(self, number: int) -> Episode:
-        return self._all()[number]
+    def __getitem__(self, index: int) -> Episode:
+        return self._all()[index]
 
     def __iter__(self) -> Iterator[Episode]:
         return iter(self._all())
@@ -146,7 +166,8 @@ def open(
     """A set of any format that demosift reads, told apart by looking.
 
     `path` is a file or folder, a data set of `minari` or `lerobot`, or a list of pairs of arrays.
-    `columns` make an observation, `action_columns` an action, both in this order; `episodes` is a list such as `"0-9,12"`.
+    `columns` make an observation, `action_columns` an action, both in this order; `episodes` is a list such as `"0-9,12"`,
+    which are then at 0 to 10 of the set, each with the `number` that it has in the file.
 
         demonstrations = demosift.open("lift.hdf5", columns=["obs/joints", "obs/object"])
         len(demonstrations), demonstrations[0].observations.shape
