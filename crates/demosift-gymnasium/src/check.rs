@@ -4,7 +4,6 @@
 use demosift::Result;
 use demosift::basics::seed::Seed;
 use demosift::data::demonstration::DemonstrationSet;
-use demosift::run::experiment;
 use demosift::world::environment::Task as _;
 use serde::Serialize;
 
@@ -129,7 +128,7 @@ pub fn compare(
     starts: &Starts,
     most: usize,
 ) -> Result<Recorded> {
-    experiment::check_sizes(set.observation_size(), set.action_size(), task.specification())?;
+    task.specification().check_sizes(set.observation_size(), set.action_size())?;
     let mut actions = vec![[f64::INFINITY, f64::NEG_INFINITY]; set.action_size()];
     let (mut beyond, mut all) = (0_usize, 0_usize);
     for (number, column) in set

@@ -196,7 +196,7 @@ pub(crate) fn read_for(source: &mut Source, said: &Said, task: Option<&Chosen>) 
     if let Some(task) = task.filter(|_| said.set_file.is_none()) {
         // Where the user has said nothing, it is the set that does not fit.
         let (observed, acted) = widths(source);
-        experiment::check_sizes(observed, acted, task.task.specification())?;
+        task.task.specification().check_sizes(observed, acted)?;
     }
     let observations = task.and_then(|task| task.mujoco.as_ref()).map(MujocoTask::observation_ranges);
     let ranges = Ranges {

@@ -80,7 +80,7 @@ use arrows::Arrow;
 pub use asked_trainer::{TrainerJudge, check_judged_by};
 pub use checkpointing::{Checkpointing, forget_checkpoint};
 pub(crate) use checkpointing::{OfPart, begun, stage_name, states_of_parts};
-pub use checks::{check, check_demonstrator, check_fits, check_has_weights, check_sizes};
+pub use checks::{check, check_demonstrator, check_fits, check_has_weights};
 pub(crate) use chosen::cut;
 use chosen::cut_of_judging;
 pub use chosen::{kept_part, worth_training_on};

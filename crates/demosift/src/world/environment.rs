@@ -6,6 +6,7 @@ mod worker;
 pub use one_variant::OneVariant;
 pub use worker::{Episode, Led, Rollout, Stepped, Worker};
 
+use crate::basics::counting::counted;
 use crate::basics::error::{Error, Result};
 use crate::basics::seed::Seed;
 use crate::math::rows::Rows;
@@ -45,6 +46,34 @@ impl Specification {
     /// Control steps in a simulated second, to the nearest whole number and at least one.
     pub fn steps_per_sec(&self) -> u32 {
         (1.0 / self.control_step_secs).round().max(1.0) as u32
+    }
+
+    /// Whether a set with so many numbers in an observation and an action was recorded in such a task.
+    ///
+    /// # Errors
+    /// `is_bad_input` if one of them differs.
+    pub fn check_sizes(&self, observed: usize, acted: usize) -> Result<()> {
+        let sizes = [("observation", observed, self.observation_size), ("action", acted, self.action_size)];
+        for (what, found, wanted) in sizes {
+            if found != wanted {
+                return Err(Error::bad_input(format!(
+                    "the demonstrations have {} in an {what}, but the task '{}' has {wanted}",
+                    counted(found, "number"),
+                    self.name
+                ))
+                .with_hint(if found > wanted {
+                    format!(
+                        "check that the set was recorded in this task; if the task has the first {wanted} of these, \
+                         --{what}-columns takes them, such as {what}s[0:{wanted}]; `demosift inspect` names the columns"
+                    )
+                } else {
+                    "check that the set was recorded in this task; a choice that is stored as one whole number (Discrete) must \
+                     be written as the zeros and ones that the environment makes of it"
+                        .to_owned()
+                }));
+            }
+        }
+        Ok(())
     }
 
     /// All variants, in order.

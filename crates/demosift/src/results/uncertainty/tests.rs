@@ -1,7 +1,7 @@
 use super::*;
 use crate::stages::select;
 use crate::world::environment::EnvVariant;
-use rand_distr::StandardNormal;
+use rand_distr::{Distribution as _, StandardNormal};
 
 /// A table of one variant: `after[demonstration][repeat][evaluation]`, nothing scored before.
 fn table(after: &[Vec<Vec<f64>>]) -> ScoreTable {

@@ -1,7 +1,6 @@
 //! Whether set, task and configuration fit each other, before anything is spent.
 
 use super::Config;
-use crate::basics::counting::counted;
 use crate::basics::error::{Error, Result};
 use crate::data::demonstration::DemonstrationSet;
 use crate::learning::adapt::{InnerUpdate, Rule};
@@ -23,41 +22,13 @@ use crate::world::policy::PolicyShape;
 /// # Errors
 /// `is_bad_input` if observations or actions have another size, or nothing that is observed varies.
 pub fn check_fits(set: &DemonstrationSet, task: &Specification) -> Result<()> {
-    check_sizes(set.observation_size(), set.action_size(), task)?;
+    task.check_sizes(set.observation_size(), set.action_size())?;
     if !data_only::observations_vary(set) {
         return Err(Error::bad_input(
             "no number of the observations varies over the set, so nothing can be learned from it: a policy could not tell one \
              state from another",
         )
         .with_hint("check which columns were recorded; `demosift inspect` shows them"));
-    }
-    Ok(())
-}
-
-/// Whether a set with so many numbers in an observation and an action was recorded in a task of these sizes.
-///
-/// # Errors
-/// `is_bad_input` if one of them differs.
-pub fn check_sizes(observed: usize, acted: usize, task: &Specification) -> Result<()> {
-    let sizes = [("observation", observed, task.observation_size), ("action", acted, task.action_size)];
-    for (what, found, wanted) in sizes {
-        if found != wanted {
-            return Err(Error::bad_input(format!(
-                "the demonstrations have {} in an {what}, but the task '{}' has {wanted}",
-                counted(found, "number"),
-                task.name
-            ))
-            .with_hint(if found > wanted {
-                format!(
-                    "check that the set was recorded in this task; if the task has the first {wanted} of these, \
-                     --{what}-columns takes them, such as {what}s[0:{wanted}]; `demosift inspect` names the columns"
-                )
-            } else {
-                "check that the set was recorded in this task; a choice that is stored as one whole number (Discrete) must \
-                 be written as the zeros and ones that the environment makes of it"
-                    .to_owned()
-            }));
-        }
     }
     Ok(())
 }

@@ -2,8 +2,7 @@
 
 use serde::Serialize;
 
-use super::summary::spearman;
-use super::truth::{Against, Truth, mean_of};
+use super::truth::{Against, Truth, mean_of, spearman};
 use crate::math::statistics::mean;
 use crate::world::heuristic::Score;
 

@@ -19,7 +19,7 @@ use super::plan::{Judge, Study};
 use super::pools::{PoolSummary, pools};
 use super::referee_rates::RefereedSummary;
 use super::steadiness::{Steadiness, steadiness};
-use super::truth::{Against, Measure, Truth};
+use super::truth::{Against, Measure, Truth, or_nothing, spearman};
 use super::work::top;
 use super::{Cost, Finished};
 use crate::data::demonstration::DemoId;
@@ -232,15 +232,6 @@ fn agreement(
         kendall: of(&|one, other| or_nothing(agreement::kendall(one, other)))?,
         hit_rates: hits.collect::<Option<_>>()?,
     })
-}
-
-pub(super) fn spearman(one: &[f64], other: &[f64]) -> f64 {
-    or_nothing(agreement::spearman(one, other))
-}
-
-/// An opinion that is the same of all demonstrations agrees with nothing and contradicts nothing.
-fn or_nothing(correlation: f64) -> f64 {
-    if correlation.is_nan() { 0.0 } else { correlation }
 }
 
 fn compared(against: &Against, truth: &Truth, one: &Judged<'_>, other: &Judged<'_>) -> Option<Compared> {

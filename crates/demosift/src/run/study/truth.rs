@@ -10,6 +10,7 @@ use super::work::top;
 use super::{Finished, imitator_name};
 use crate::data::demonstration::DemoId;
 use crate::learning::adapt::Rule;
+use crate::math::agreement;
 use crate::math::statistics::mean;
 use crate::world::heuristic::Score;
 
@@ -44,6 +45,16 @@ pub(super) enum Truth {
 
 /// How well two lists of values agree.
 pub(super) type Measure<'m> = &'m dyn Fn(&[f64], &[f64]) -> f64;
+
+/// Spearman's rank correlation.
+pub(super) fn spearman(one: &[f64], other: &[f64]) -> f64 {
+    or_nothing(agreement::spearman(one, other))
+}
+
+/// An opinion that is the same of all demonstrations agrees with nothing and contradicts nothing.
+pub(super) fn or_nothing(correlation: f64) -> f64 {
+    if correlation.is_nan() { 0.0 } else { correlation }
+}
 
 impl Truth {
     /// The oracle by an imitator, of the seeds with which all demonstrations are finished; `None` if there is none yet.
