@@ -119,7 +119,7 @@ fn read_ends(root: &Group, steps: usize, file_len: u64) -> Result<Ends> {
         let starts = std::iter::once(0).chain(ends.iter().copied());
         let longest = starts.zip(&ends).map(|(start, end)| end - start).max().unwrap_or(0);
         not_read.push(format!(
-            "there is no 'timeouts', so an episode that ran out of time goes on into the next; the longest has {longest} steps."
+            "There is no 'timeouts', so an episode that ran out of time goes on into the next; the longest has {longest} steps."
         ));
     }
     Ok(Ends { ends, not_read })
