@@ -213,6 +213,9 @@ def tables():
     for name, of in kept.get("agreement", {}).items():
         means = (f"{mean([run[key] for run in of['runs']]):.3f}" for key in COUNTED)
         print(f"| {of['set']} | {name} | {len(of['runs'])} | " + " | ".join(means) + " |")
+    print("\n| set | of | less | mean | 95 % interval |\n" + "|---" * 5 + "|")
+    for row in differences(kept.get("agreement", {})):
+        print(row)
     print("\n| demonstrations from one prior | s | s each | steps each | MiB | run folder, MB | Spearman with the stage |\n" + "|---" * 7 + "|")
     for name, of in kept.get("prior", {}).items():
         if name != "learned":
@@ -223,6 +226,23 @@ def tables():
     for name, of in kept.get("threads", {}).items():
         print(f"| {name} | {of['busy']:.2f} | {of['work']:.0f} | {of['clock']:.1f} |")
     FIGURE.write_text(figure([of for name, of in kept["costs"].items() if name.startswith("n_")]))
+
+
+def differences(agreement):
+    """Of each set what sparing loses, paired by seed: each way to count beside three repeats, and fewer updates beside the rules'."""
+    by_set = {}
+    for name, of in agreement.items():
+        by_set.setdefault(of["set"], {})[int(name.split()[0])] = of["runs"]
+    for name, by_updates in by_set.items():
+        rules = next(updates for updates in (36, 30) if updates in by_updates)
+        sides = [(rules, way) for way in COUNTED if way != "three"] + [(updates, "three") for updates in by_updates if updates != rules]
+        for updates, way in sides:
+            pairs = zip(by_updates[updates], by_updates[rules])
+            apart = [one[way] - other["three"] for one, other in pairs]
+            middle = mean(apart)
+            # Student's t at 95 % with nine degrees of freedom.
+            half = 2.262 * (sum((one - middle) ** 2 for one in apart) / (len(apart) - 1) / len(apart)) ** 0.5
+            yield f"| {name} | {updates} updates, {way} | {rules} updates, three | {middle:+.3f} | [{middle - half:+.3f}, {middle + half:+.3f}] |"
 
 
 def figure(costs):

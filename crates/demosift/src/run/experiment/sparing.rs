@@ -14,7 +14,7 @@ pub(super) fn full_effort_up_to() -> usize {
     FULL_EFFORT_UP_TO
 }
 
-/// With two in place of three the ranking was worse in five seeds.
+/// With two in place of three the ranking was worse.
 const LEAST_REPEATS: usize = 3;
 
 /// Short recordings are learned by heart long before the updates are over that long ones need.
