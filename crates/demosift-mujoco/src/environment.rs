@@ -270,6 +270,15 @@ impl MujocoEnvironment {
 }
 
 impl Environment for MujocoEnvironment {
+    fn trouble(&self) -> Option<String> {
+        let fatal: Vec<&str> = FATAL
+            .iter()
+            .filter(|kind| self.data.warning()[**kind as usize].number > 0)
+            .map(|kind| WARNINGS[*kind as usize])
+            .collect();
+        (!fatal.is_empty()).then(|| fatal.join(", "))
+    }
+
     fn simulator_state(&self) -> Option<SimulatorState<'_>> {
         Some(SimulatorState { qpos: self.qpos(), qvel: self.qvel() })
     }

@@ -35,6 +35,8 @@ fn an_unstable_simulation_is_an_error_of_the_trajectory() {
         assert!(outcome.task_reward.is_nan());
     }
     assert!(observation.iter().chain(&measurements).all(|value| value.is_nan()));
+    let trouble = environment.trouble().expect("MuJoCo has warned");
+    assert!(trouble.contains("(BADQ"), "{trouble}");
     let mut observations = Rows::with_capacity(17, 2);
     observations.push(&[0.0; 17]);
     observations.push(&observation);

@@ -14,6 +14,7 @@ pub(crate) mod threads;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use demosift::basics::counting::counted;
 use demosift::basics::ledger::Ledger;
 use demosift::basics::part::Part;
 use demosift::data::demonstration::choice;
@@ -33,7 +34,7 @@ use crate::arguments::JobArguments;
 use crate::configuration::asked_again;
 use crate::configuration::{self, Layer};
 use crate::console::interruption;
-use crate::console::terminal::Progress;
+use crate::console::terminal::{self, Progress};
 use crate::files::metrics_file::MetricsFile;
 use crate::task::trainer::{self, Needed};
 use crate::task::{self, Chosen};
@@ -248,6 +249,15 @@ impl Job {
             observer: &mut self.progress,
         });
         self.progress.finish();
+        let again = playground.played_again();
+        if again.times > 0 {
+            terminal::note(&format!(
+                "{} ran away and had to be begun again from another start: {}; `demosift task check` says what in a model makes \
+                 that likely",
+                counted(again.times as usize, "episode"),
+                again.why
+            ));
+        }
         // Of a user's own task the fault may be in the model.
         let of_own = self.chosen.sha256.is_some();
         outcome.map_err(|error| match error.is_diverged() || error.is_simulation() {

@@ -243,6 +243,11 @@ pub trait Environment: Send {
     /// Takes one control step with an action `[act]`, which is clipped to [−1, 1] here.
     fn step(&mut self, action: &[f32], observation: &mut [f32], measurements: &mut [f32]) -> StepOutcome;
 
+    /// Why the numbers of this episode are not finite, in the simulator's words, where it knows.
+    fn trouble(&self) -> Option<String> {
+        None
+    }
+
     /// The state as a simulator keeps it, for replays; `None` where there is no simulator.
     fn simulator_state(&self) -> Option<SimulatorState<'_>> {
         None

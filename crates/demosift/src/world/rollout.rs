@@ -25,7 +25,21 @@ pub struct Playground<'t> {
     /// Who trains policies of its own to be played here.
     trainer: Option<&'t dyn Trainer>,
     steps: AtomicU64,
+    again: Mutex<PlayedAgain>,
 }
+
+/// Episodes that were played again from another start, since the simulation had run away.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct PlayedAgain {
+    /// How often.
+    pub times: u64,
+    /// What was wrong with the one that was found first.
+    pub why: String,
+}
+
+/// How often an episode is begun before its simulation counts as one that cannot be played: what happens once in a hundred
+/// episodes never happens so often in a row.
+const ATTEMPTS: usize = 5;
 
 impl<'t> Playground<'t> {
     /// A playground for a task; workers are made when they are needed, and play on the threads that learn.
@@ -37,6 +51,7 @@ impl<'t> Playground<'t> {
             waiting: None,
             trainer: None,
             steps: AtomicU64::new(0),
+            again: Mutex::default(),
         }
     }
 
@@ -104,6 +119,11 @@ impl<'t> Playground<'t> {
         self.steps.load(Ordering::Relaxed)
     }
 
+    /// What had to be played again so far.
+    pub fn played_again(&self) -> PlayedAgain {
+        self.again.lock().expect("no thread panics while it holds the lock").clone()
+    }
+
     /// How many episodes a worker is asked for at once.
     fn width(&self) -> Result<usize> {
         if let Some(width) = self.width.get() {
@@ -115,8 +135,38 @@ impl<'t> Playground<'t> {
         Ok(width)
     }
 
-    /// Episodes of one worker. It comes back here only if all went well: after an error or a panic it is dropped.
+    /// Episodes of one worker. One whose simulation runs away is no outcome of the policy, and the next of the same seed is as
+    /// likely to run away as this one was, so it is begun again from another start that follows from its seed.
     fn play(&self, episodes: &[Episode<'_>]) -> Result<Vec<Rollout>> {
+        match self.play_together(episodes) {
+            Err(error) if error.is_diverged() => {
+                let each: Result<Vec<_>> = episodes.iter().map(|episode| self.play_anew(episode)).collect();
+                Ok(each?.into_iter().flatten().collect())
+            }
+            outcome => outcome,
+        }
+    }
+
+    /// An episode by itself, begun as often as it takes; the error is that of the last attempt.
+    fn play_anew(&self, episode: &Episode<'_>) -> Result<Vec<Rollout>> {
+        let outcome = anew(episode.seed, |seed| self.play_together(&[Episode { seed, ..*episode }]));
+        outcome.map(|begun| self.noted(begun))
+    }
+
+    /// What was played in the end; the attempts before it are counted.
+    fn noted(&self, Begun { played, failures }: Begun) -> Vec<Rollout> {
+        if let Some(first) = failures.first() {
+            let mut again = self.again.lock().expect("no thread panics while it holds the lock");
+            if again.times == 0 {
+                again.why = first.message().to_owned();
+            }
+            again.times += failures.len() as u64;
+        }
+        played
+    }
+
+    /// Episodes of one worker. It comes back here only if all went well: after an error or a panic it is dropped.
+    fn play_together(&self, episodes: &[Episode<'_>]) -> Result<Vec<Rollout>> {
         let mut worker = self.borrow()?;
         let rollouts = worker.play(episodes).map_err(|error| in_task(error, self.specification()))?;
         self.finished(worker, rollouts, episodes.len())
@@ -124,14 +174,18 @@ impl<'t> Playground<'t> {
 
     /// The same for episodes in which somebody else's policy acts.
     fn play_led(&self, by: &mut dyn Apprentice, episodes: &[Led<'_>]) -> Result<Vec<Rollout>> {
-        let mut worker = self.borrow()?;
         let mut rollouts = Vec::with_capacity(episodes.len());
         for episode in episodes {
-            by.begin()?;
-            let rollout = worker.play_led(*episode, by);
-            rollouts.push(rollout.map_err(|error| in_task(error, self.specification()))?);
+            let outcome = anew(episode.seed, |seed| {
+                by.begin()?;
+                let mut worker = self.borrow()?;
+                let rollout = worker.play_led(Led { seed, ..*episode }, by);
+                let rollout = rollout.map_err(|error| in_task(error, self.specification()))?;
+                self.finished(worker, vec![rollout], 1)
+            });
+            rollouts.extend(self.noted(outcome?));
         }
-        self.finished(worker, rollouts, episodes.len())
+        Ok(rollouts)
     }
 
     /// What a worker has played, if it is what was asked for; the worker comes back.
@@ -165,6 +219,29 @@ impl<'t> Playground<'t> {
 
     fn give_back(&self, worker: Box<dyn Worker>) {
         self.idle.lock().expect("no thread panics while it holds the lock").push(worker);
+    }
+}
+
+/// An episode that was begun until it did not run away.
+struct Begun {
+    /// It alone.
+    played: Vec<Rollout>,
+    /// Why the attempts before it failed.
+    failures: Vec<Error>,
+}
+
+/// Begins an episode until it does not run away; other seeds follow from the first, so that it is the same on any thread.
+fn anew(seed: &Seed, mut attempt: impl FnMut(&Seed) -> Result<Vec<Rollout>>) -> Result<Begun> {
+    let mut failures = Vec::new();
+    loop {
+        let outcome = match failures.len() {
+            0 => attempt(seed),
+            failed => attempt(&seed.of("again").at(failed)),
+        };
+        match outcome {
+            Err(error) if error.is_diverged() && failures.len() + 1 < ATTEMPTS => failures.push(error),
+            outcome => return Ok(Begun { played: outcome?, failures }),
+        }
     }
 }
 

@@ -155,7 +155,11 @@ impl<E: Environment> Stepped<E> {
                 parts.ended = Ended::Terminated;
             }
         }
-        Ok(Rollout { trajectory: Trajectory::new(parts)?, states })
+        let trajectory = Trajectory::new(parts).map_err(|error| match environment.trouble() {
+            Some(words) if error.is_diverged() => Error::diverged(format!("{error}: {words}")),
+            _ => error,
+        })?;
+        Ok(Rollout { trajectory, states })
     }
 }
 

@@ -127,6 +127,52 @@ fn a_worker_that_failed_is_thrown_away_and_another_one_plays_on() {
     }
 }
 
+/// A point whose simulation runs away with some seeds.
+fn runs_away(task: &PointMass, width: usize, with: fn(&Seed) -> bool) -> Box<dyn Worker> {
+    let how = move |worker: &mut dyn Worker, episodes: &[Episode<'_>]| {
+        match episodes.iter().any(|episode| with(episode.seed)) {
+            true => Err(Error::diverged("observation 0 at step 17 is not a finite number")),
+            false => worker.play(episodes),
+        }
+    };
+    Box::new(Doing { width, worker: point(task), how })
+}
+
+#[test]
+fn an_episode_that_runs_away_is_begun_again_from_another_start_and_the_others_are_not() {
+    let healthy = PointMass::new();
+    let mut wanted = some(&Playground::new(&healthy), 3).expect("a healthy point plays");
+    let other = Seed::new(5).at(1).of("again").at(1);
+    let other = play(&Playground::new(&healthy), &policy(), Acting::Sampled, EnvVariant(0), vec![other]);
+    wanted[1] = other.expect("a healthy point plays").remove(0);
+    for (width, threads) in [(1, 1), (1, 3), (3, 2)] {
+        let task = PlayedBy::new(move |task: &PointMass| {
+            runs_away(task, width, |seed| *seed == Seed::new(5).at(1))
+        });
+        on_threads(threads, || {
+            let playground = Playground::new(&task);
+            assert_eq!(some(&playground, 3).expect("the next start is a good one"), wanted);
+            let PlayedAgain { times, why } = playground.played_again();
+            assert_eq!((times, playground.steps_taken()), (1, 3 * 30));
+            assert!(why.contains("observation 0 at step 17"), "{why}");
+        });
+    }
+}
+
+#[test]
+fn what_runs_away_each_time_is_an_error() {
+    let begun = Arc::new(AtomicUsize::new(0));
+    let counter = Arc::clone(&begun);
+    let task = PlayedBy::new(move |task: &PointMass| {
+        counter.fetch_add(1, Ordering::Relaxed);
+        runs_away(task, 1, |_| true)
+    });
+    let error = some(&Playground::new(&task), 1).expect_err("no start is a good one");
+    assert!(error.is_diverged() && error.hint().is_some(), "{error}");
+    // The one that was asked for with others, and then each attempt, with a worker of its own.
+    assert_eq!(begun.load(Ordering::Relaxed), 1 + ATTEMPTS);
+}
+
 #[test]
 fn wide_workers_play_the_same_in_the_same_order_and_in_chunks_that_no_thread_decides() {
     let narrow = PointMass::new();
