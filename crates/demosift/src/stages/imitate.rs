@@ -64,9 +64,9 @@ pub struct LearningCurve {
 }
 
 impl LearningCurve {
-    /// The point that chose the policy: the best, the first of equals; `None` where the curve has none.
+    /// The point that chose the policy: the best, the last of equals; `None` where the curve has none.
     pub fn best_point(&self) -> Option<&CurvePoint> {
-        self.points.iter().rev().max_by(|a, b| a.score.total_cmp(&b.score))
+        self.points.iter().max_by(|a, b| a.score.total_cmp(&b.score))
     }
 }
 
@@ -299,7 +299,8 @@ fn evaluate(lesson: &Lesson<'_>, state: &mut ImitationState, observer: &mut dyn 
     let policy = state.learner.policy.clone();
     let found = point(lesson, state, &policy, &lesson.seed.of("evaluate"))?;
     let best = state.points.iter().map(|point| point.score).fold(f64::NEG_INFINITY, f64::max);
-    if found.score > best {
+    // Of equals the later: where nothing is gained by learning, the untrained policy is not the answer.
+    if found.score >= best {
         state.best = policy;
     }
     state.points.push(found);
