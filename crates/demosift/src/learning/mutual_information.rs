@@ -162,7 +162,7 @@ pub fn mean_squared_error(
 ///
 /// The baseline is the mean of the other episodes: a reward is paid to an episode as a whole, of which there are few, so
 /// that a baseline of many features would recognize each episode and take all of its reward away.
-/// They have standard deviation 1 over the actions that are credited; all are 0 where the rewards say nothing.
+/// They have standard deviation 1 over the episodes; all are 0 where the rewards say nothing.
 pub fn advantages(rewards: &[f64], lengths: &[usize], credit: Credit) -> Vec<f32> {
     let (mean, std) = mean_and_deviation(rewards.iter().copied());
     let scale = if std > 1e-9 * (1.0 + mean.abs()) { 1.0 / std } else { 0.0 };

@@ -23,7 +23,8 @@ use crate::world::rollout::{self, Acting, Playground};
 pub struct DemonstratorTraining {
     /// TRPO steps.
     pub updates: usize,
-    /// Environment steps before each TRPO step; whole episodes are played until they have this many.
+    /// Environment steps before each TRPO step: as many episodes as have so many where all last to the horizon, and no more where
+    /// they end early.
     pub batch_steps: usize,
     /// The policy's shape.
     pub policy: PolicyShape,

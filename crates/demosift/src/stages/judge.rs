@@ -76,7 +76,8 @@ pub struct Judging {
     /// where this is not more than `repeats`. Not in the paper.
     pub most_repeats: usize,
     /// How the policy acts when it is evaluated; sampling is what Algorithm 2 says, and shows what the mean action hides:
-    /// an agent that imitates a noisy demonstration becomes as noisy.
+    /// an agent that imitates a noisy demonstration becomes as noisy. Batches that score are always sampled, as they are what is
+    /// learned from, so there it changes replays and the adapted behaviors distance alone.
     pub acting: Acting,
 }
 

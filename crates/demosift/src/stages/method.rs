@@ -12,7 +12,8 @@
 //! | `from-scratch` | nothing: an untrained policy | judging alone, with as many iterations of every adaptation as it pays for |
 //!
 //! What a method cannot spend is less than one of its own steps: a round, an update, or an iteration of every adaptation.
-//! All counts take episodes to last to the horizon; where they end early, every method plays as many but shorter ones.
+//! All counts take episodes to last to the horizon. Where they end early, what learns by GAIL fills its batches with more of them,
+//! and lines 10 and 12 do not, so `maml-mi` plays fewer steps than it may.
 //! By behavioral cloning, which plays nothing to learn, the quota is counted in inner updates instead, and what mutual
 //! information plays comes on top; an update toward the entire set goes over more pairs than one toward a demonstration.
 //! The policies learned from subsets afterwards are no part of the quota; they have a budget of their own.

@@ -42,7 +42,8 @@ pub struct MutualInformation {
     pub paid: Paid,
     /// Which of their actions are credited (§4.2 reads as the first one; see reading 3 in `docs/paper.md`).
     pub credit: Credit,
-    /// K of lines 10 and 12, as environment steps: whole episodes are played until there are this many; not in the paper.
+    /// K of lines 10 and 12, as environment steps: as many episodes as have so many where all last to the horizon, and no
+    /// more where they end early; not in the paper.
     pub batch_steps: usize,
     /// With which share of the spread of its actions a policy plays what Q reads; not in the paper.
     ///
