@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use demosift::basics::files;
 use demosift::results::figure;
 use demosift::run::study::compact::{self, Compact};
-use demosift::run::study::{Only, claims, draw, pools, told};
+use demosift::run::study::{Only, claims, draw, pools, summary as tables_of, told};
 use demosift::{Error, Result};
 
 use crate::answers;
@@ -167,7 +167,8 @@ fn tell(arguments: &ReproduceArguments, results: &Results, page: Option<&Path>) 
     let study = &compact.study;
     let told = told::tell(study, &compact.finished);
     let decided = claims::decide(study, &compact.finished);
-    let shown = Shown { compact, told: &told, decided: &decided };
+    let summarized = tables_of::summarize(study, &compact.finished);
+    let shown = Shown { compact, told: &told, summary: &summarized, decided: &decided };
     if let Some(page) = page {
         let folder = page.parent().unwrap_or(Path::new(""));
         let write =

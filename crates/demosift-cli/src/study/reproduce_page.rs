@@ -1,18 +1,22 @@
 //! The page of an experiment, made of its results and of words: no number in it is typed by hand.
 
+use demosift::run::study::bodies;
 use demosift::run::study::claims::{Case, Decided, Said};
 use demosift::run::study::compact::Compact;
 use demosift::run::study::estimate::{Difference, ENOUGH_SEEDS};
-use demosift::run::study::told::{Spread, Told};
+use demosift::run::study::summary::Summary;
+use demosift::run::study::told::{self, Spread, Told};
 use demosift::run::study::{By, Measure, imitator_name};
 
 use crate::study::experiments;
-use crate::tables::{Scale, percent, rounded, study::in_markdown, table, wrapped};
+use crate::tables::study::{Section, in_markdown, of_experiment};
+use crate::tables::{Scale, percent, rounded, wrapped};
 
 /// What was found.
 pub(crate) struct Shown<'a> {
     pub(crate) compact: &'a Compact,
     pub(crate) told: &'a Told,
+    pub(crate) summary: &'a Summary,
     pub(crate) decided: &'a [Decided],
 }
 
@@ -29,25 +33,16 @@ pub(crate) struct Page<'a> {
     pub(crate) made: Made<'a>,
 }
 
-/// A table with a line above it.
-struct Section {
-    title: String,
-    header: Vec<&'static str>,
-    rows: Vec<Vec<String>>,
-}
-
 impl Shown<'_> {
     /// For a terminal.
     pub(crate) fn plainly(&self) -> String {
         let mut text = format!("{}\n\n{}\n", self.title(), wrapped(&self.extent()));
         for decided in self.decided {
-            let Section { title, header, rows } = self.claim(decided);
-            text += &format!("\n{}\n\n{}", wrapped(&title), table(&header, &rows));
+            let claim = self.claim(decided);
+            text += &Section { title: wrapped(&claim.title), ..claim }.plainly();
             text += &format!("\n{}\n", wrapped(&verdict(decided)));
         }
-        for Section { title, header, rows } in self.numbers() {
-            text += &format!("\n{title}\n\n{}", table(&header, &rows));
-        }
+        self.numbers().iter().for_each(|section| text += &section.plainly());
         for note in self.notes() {
             text += &format!("\n{}\n", wrapped(&note));
         }
@@ -79,7 +74,7 @@ impl Shown<'_> {
             // Of what is better when it is less, the other stands first, as in the difference.
             let [one, other] = match decided.measure {
                 Measure::Score | Measure::Success => [&case.better, &case.than],
-                Measure::Distance | Measure::OtherBody => [&case.than, &case.better],
+                Measure::Distance => [&case.than, &case.better],
             };
             let than = match (case.imitator, trains) {
                 (Some(imitator), true) => format!("{one} − {other}, {}", imitator_name(imitator)),
@@ -96,20 +91,19 @@ impl Shown<'_> {
             header.push("K");
         }
         header.extend(["better by", "difference", "pairs", "found"]);
-        let title = format!("{who}: {}", decided.says);
-        Section { title, header, rows: decided.cases.iter().map(row).collect() }
+        section(format!("{who}: {}", decided.says), &header, decided.cases.iter().map(row).collect())
     }
 
     fn difference(&self, case: &Case, measure: Measure) -> String {
         let Some(difference) = case.difference else { return "-".to_owned() };
         let unit = match measure {
             Measure::Score => self.compact.study.set(&case.set).map_or("", |set| set.unit.as_str()),
-            Measure::Success | Measure::Distance | Measure::OtherBody => "",
+            Measure::Success | Measure::Distance => "",
         };
         let Difference { mean, interval, .. } = difference;
         let scale = Scale::of([mean].into_iter().chain(interval.into_iter().flatten()), unit);
         let written = |value: f64| match measure {
-            Measure::Success | Measure::OtherBody => percent(value),
+            Measure::Success => percent(value),
             Measure::Score | Measure::Distance => scale.signed(value),
         };
         let mean = written(mean);
@@ -119,13 +113,14 @@ impl Shown<'_> {
     }
 
     fn numbers(&self) -> Vec<Section> {
-        let mut sections = vec![self.policies(), self.bodies(), self.distances()];
+        let own = [self.policies(), self.weighed(), self.bodies(), self.taught(), self.distances()];
+        let mut sections: Vec<Section> = own.into_iter().chain(of_experiment(self.summary)).collect();
         sections.retain(|section| !section.rows.is_empty());
         sections
     }
 
     fn policies(&self) -> Section {
-        let row = |of: &demosift::run::study::told::PolicyLine| {
+        let row = |of: &told::PolicyLine| {
             vec![
                 of.set.clone(),
                 imitator_name(of.imitator).to_owned(),
@@ -136,41 +131,88 @@ impl Shown<'_> {
                 of.score.seeds.to_string(),
             ]
         };
-        Section {
-            title: "What policies from the kept are worth at the end of their training:".to_owned(),
-            header: vec!["set", "imitator", "K", "kept by", "score", "success", "seeds"],
-            rows: self.told.policies.iter().map(row).collect(),
-        }
+        let header = ["set", "imitator", "K", "kept by", "score", "success", "seeds"];
+        let rows = self.told.policies.iter().map(row).collect();
+        let title = "What policies from the kept are worth at the end of their training:";
+        Section { below: DEVIATION.to_owned(), ..section(title.to_owned(), &header, rows) }
+    }
+
+    fn weighed(&self) -> Section {
+        let row = |of: &told::WeighedLine| {
+            let times = of.times.iter().enumerate().filter(|(_, times)| **times > 0);
+            let times: Vec<String> = times.map(|(demo, times)| format!("{demo}: {times}")).collect();
+            vec![
+                of.set.clone(),
+                of.method.clone(),
+                spread(&of.kept, Scale::of([of.kept.mean], "")),
+                times.join(", "),
+                of.alike.map_or("-".to_owned(), |alike| format!("{alike:.2}")),
+                rounded(of.environment_steps),
+                of.kept.seeds.to_string(),
+            ]
+        };
+        let header = ["set", "method", "kept", "with how many seeds", "weights of two seeds", "steps", "seeds"];
+        let rows = self.told.weighed.iter().map(row).collect();
+        let below = "Weights of two seeds are compared by Spearman's correlation of the last ones, the mean over all pairs. Steps \
+                     are those of a selection, its prior apart; methods have as many meta-updates, and not as many steps.";
+        Section { below: below.to_owned(), ..section("What is kept by weights:".to_owned(), &header, rows) }
     }
 
     fn distances(&self) -> Section {
-        let row = |of: &demosift::run::study::told::DistanceLine| {
+        let row = |of: &told::DistanceLine| {
             let distance = spread(&of.distance, Scale::of([of.distance.mean], ""));
             vec![of.set.clone(), of.method.clone(), distance, of.distance.seeds.to_string()]
         };
-        Section {
-            title: "The adapted behaviors distance, lower is better:".to_owned(),
-            header: vec!["set", "method", "ABD", "seeds"],
-            rows: self.told.distances.iter().map(row).collect(),
-        }
+        let title = "The adapted behaviors distance, lower is better:".to_owned();
+        let rows = self.told.distances.iter().map(row).collect();
+        let below = format!(
+            "{DEVIATION} Agents of the judge by cloning act by their mean, the others sample, and what is sampled is farther from \
+             anything, so the two kinds cannot be compared."
+        );
+        Section { below, ..section(title, &["set", "method", "ABD", "seeds"], rows) }
     }
 
     fn bodies(&self) -> Section {
-        let row = |of: &demosift::run::study::told::BodyLine| {
+        let row = |of: &bodies::BodyLine| {
+            let by = match (&of.method, of.oracle) {
+                (Some(method), _) => method.clone(),
+                (None, oracle) => format!("(oracle by {})", oracle.map_or("-", imitator_name)),
+            };
+            let successful = of.of_successful.map_or("-".to_owned(), percent);
+            let shares = [percent(of.share.mean), percent(of.of_set), successful];
+            let mut row = vec![of.set.clone(), of.kept.to_string(), by];
+            row.extend(shares);
+            row.push(of.share.seeds.to_string());
+            row
+        };
+        let header = ["set", "K", "kept by", "of the kept", "of the set", "of the successful", "seeds"];
+        let rows = self.told.bodies.iter().map(row).collect();
+        let below = "Whose a demonstration is was drawn once, and seeds draw only how it is judged, so nothing is decided of these \
+                     shares.";
+        let title = "How many of the kept were made by another body:".to_owned();
+        Section { below: below.to_owned(), ..section(title, &header, rows) }
+    }
+
+    fn taught(&self) -> Section {
+        let row = |of: &bodies::TaughtLine| {
+            let scale = Scale::of([of.mean, of.least, of.most], &of.unit);
             vec![
                 of.set.clone(),
-                of.kept.to_string(),
-                of.method.clone(),
-                percent(of.share.mean),
-                percent(of.chance),
-                of.share.seeds.to_string(),
+                imitator_name(of.imitator).to_owned(),
+                if of.by_other { "another body" } else { "the task's body" }.to_owned(),
+                of.succeeded.map_or("-", |succeeded| if succeeded { "yes" } else { "no" }).to_owned(),
+                of.demonstrations.to_string(),
+                scale.with_unit(of.mean),
+                format!("{} to {}", scale.plain(of.least), scale.with_unit(of.most)),
+                of.seeds.to_string(),
             ]
         };
-        Section {
-            title: "How many of the kept were made by another body:".to_owned(),
-            header: vec!["set", "K", "kept by", "of the kept", "of the set", "seeds"],
-            rows: self.told.bodies.iter().map(row).collect(),
-        }
+        let header =
+            ["set", "imitator", "made by", "succeeded", "demonstrations", "score, mean", "from", "seeds"];
+        let rows = self.told.taught.iter().map(row).collect();
+        let below = "Of each demonstration the score is the mean over the oracle's seeds, at the end of a training on it alone.";
+        let title = "What demonstrations teach alone, by the body that made them:".to_owned();
+        Section { below: below.to_owned(), ..section(title, &header, rows) }
     }
 
     fn notes(&self) -> Vec<String> {
@@ -214,9 +256,8 @@ impl Page<'_> {
             );
         }
         for decided in *decided {
-            let Section { header, rows, .. } = shown.claim(decided);
             let says = decided.says.trim_end_matches('.');
-            text += &format!("\n### {says}\n\n{}", in_markdown(&header, &rows));
+            text += &format!("\n### {says}\n\n{}", shown.claim(decided).in_markdown());
             let whose = match decided.by {
                 By::Paper => "The paper says so.",
                 By::Us => "The question is ours and not the paper's.",
@@ -226,10 +267,11 @@ impl Page<'_> {
         if let Some(reading) = study.drawn.reading.as_ref().filter(|_| !told.is_partial()) {
             text += &format!("\n## How it is read\n\n{}", sentences(reading));
         }
-        for Section { title, header, rows } in shown.numbers() {
-            text += &format!("\n## {}\n\n", title.trim_end_matches(':'));
-            text += &format!("{}\n", in_markdown(&header, &rows));
-            text += "± is one standard deviation over seeds.\n";
+        for section in shown.numbers() {
+            text += &format!("\n## {}\n\n{}", section.title.trim_end_matches(':'), section.in_markdown());
+            if !section.below.is_empty() {
+                text += &format!("\n{}", sentences(&section.below));
+            }
         }
         let notes = shown.notes();
         if !notes.is_empty() {
@@ -283,7 +325,8 @@ pub(crate) fn summary(all: &[Summarized]) -> String {
     text += &sentences(&format!(
         "`demosift reproduce` made this page from results, and no number in it is typed by hand. \
          A claim is compared for each set, K and other method, and the 95 % interval of the difference that is paired by seed decides. \
-         Fewer than {ENOUGH_SEEDS} seeds decide nothing.",
+         Fewer than {ENOUGH_SEEDS} seeds decide nothing. \
+         Of twenty comparisons between equals one is separable by luck, so where one of many agrees or disagrees, little is said.",
     ));
     for by in [By::Paper, By::Us] {
         let row = |of: &Summarized, decided: &Decided| {
@@ -310,6 +353,12 @@ pub(crate) fn summary(all: &[Summarized]) -> String {
     text += "\n## The pages\n\n";
     all.iter().for_each(|of| text += &format!("- [{}]({}.md)\n", of.title, of.name));
     text
+}
+
+const DEVIATION: &str = "± is one standard deviation over seeds.";
+
+fn section(title: String, header: &[&str], rows: Vec<Vec<String>>) -> Section {
+    Section { title, header: header.iter().map(|&word| word.to_owned()).collect(), rows, below: String::new() }
 }
 
 /// Markdown has one sentence per line.

@@ -141,7 +141,7 @@ pub(crate) fn open(asked: &Asked<'_>) -> Result<Opened> {
             .map(|entry| refereed(entry, first))
             .collect::<Result<_>>()
             .map_err(|error| error.at(path))?,
-        drawn: drawn(&file, is_there),
+        drawn: Drawn { in_part: !notes.is_empty() && !draws_nothing(&file), ..drawn(&file, is_there) },
     };
     study.oracle.dedup();
     if study.sets.is_empty() {
@@ -156,10 +156,14 @@ pub(crate) fn open(asked: &Asked<'_>) -> Result<Opened> {
     Ok(Opened { study, sets, only, notes })
 }
 
+fn draws_nothing(file: &File) -> bool {
+    file.curves.is_none() && file.weights.is_none() && file.figures.is_empty() && file.claims.is_empty()
+}
+
 /// What is drawn of the sets that are there: what names others alone is left out.
 fn drawn(file: &File, is_there: impl Fn(&String) -> bool) -> Drawn {
     let File { title, paper_says, reading, preset, curves, weights, figures, claims, .. } = file;
-    if curves.is_none() && weights.is_none() && figures.is_empty() && claims.is_empty() {
+    if draws_nothing(file) {
         return Drawn::default();
     }
     let left = |sets: &[String]| -> Option<Vec<String>> {
@@ -171,6 +175,7 @@ fn drawn(file: &File, is_there: impl Fn(&String) -> bool) -> Drawn {
         preset: preset.clone(),
         paper: paper_says.clone(),
         reading: reading.clone(),
+        in_part: false,
         curves: curves.clone(),
         weights: weights
             .as_ref()
@@ -297,7 +302,7 @@ fn open_set(entry: &SetEntry, file: &File, folders: Folders<'_>) -> Result<Found
     }
     let bodies = match &entry.bodies {
         Some(path) => bodies(&folders.find(path), whole.len(), entry.episodes.as_deref())?,
-        None => Vec::new(),
+        None => Bodies::default(),
     };
     let oracle = file.oracle.as_ref().map_or(0, |oracle| entry.oracle_seeds.unwrap_or(oracle.seeds));
     let plan = Set {
@@ -312,7 +317,8 @@ fn open_set(entry: &SetEntry, file: &File, folders: Folders<'_>) -> Result<Found
         regret: entry.regret.unwrap_or(true),
         known,
         prior: entry.prior.clone(),
-        bodies,
+        bodies: bodies.of,
+        succeeded: bodies.succeeded,
         body: entry.body.clone().or_else(|| {
             // A task that is named by its path has a name of its own.
             let name = &opened.chosen.task.specification().name;
@@ -403,16 +409,29 @@ fn origins(path: &Path) -> Result<Vec<Origin>> {
     Ok(origins)
 }
 
-/// The task in whose body each demonstration was made, of those that are used.
-fn bodies(path: &Path, whole: usize, episodes: Option<&[usize]>) -> Result<Vec<String>> {
-    let all: Vec<String> = origins(path)?.into_iter().map(|origin| origin.task).collect();
+/// Who made the demonstrations that are used.
+#[derive(Default)]
+struct Bodies {
+    /// The task in whose body each was made.
+    of: Vec<String>,
+    /// Whether it reached the goal there; nothing, unless that is known of all.
+    succeeded: Vec<bool>,
+}
+
+fn bodies(path: &Path, whole: usize, episodes: Option<&[usize]>) -> Result<Bodies> {
+    let all = origins(path)?;
     if all.len() != whole {
         let wrong = format!("it tells the bodies of {} demonstrations, and there are {whole}", all.len());
         return Err(Error::bad_input(wrong).at(path));
     }
-    Ok(match episodes {
-        Some(episodes) => episodes.iter().map(|episode| all[*episode].clone()).collect(),
-        None => all,
+    let used: Vec<&Origin> = match episodes {
+        Some(episodes) => episodes.iter().map(|episode| &all[*episode]).collect(),
+        None => all.iter().collect(),
+    };
+    let succeeded: Option<Vec<bool>> = used.iter().map(|origin| origin.succeeded).collect();
+    Ok(Bodies {
+        of: used.iter().map(|origin| origin.task.clone()).collect(),
+        succeeded: succeeded.unwrap_or_default(),
     })
 }
 

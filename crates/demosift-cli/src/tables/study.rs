@@ -11,11 +11,37 @@ use serde::Serialize;
 use super::{Scale, percent, rounded, table, wrapped};
 
 /// A table with a line above it, and perhaps words below.
-struct Section {
-    title: &'static str,
-    header: Vec<String>,
-    rows: Vec<Vec<String>>,
-    below: String,
+pub(crate) struct Section {
+    pub(crate) title: String,
+    pub(crate) header: Vec<String>,
+    pub(crate) rows: Vec<Vec<String>>,
+    pub(crate) below: String,
+}
+
+impl Section {
+    /// For a terminal; nothing without rows.
+    pub(crate) fn plainly(&self) -> String {
+        let Self { title, rows, below, .. } = self;
+        if rows.is_empty() {
+            return String::new();
+        }
+        let below = if below.is_empty() { String::new() } else { format!("\n{}\n", said(below, false)) };
+        format!("\n{title}\n\n{}{below}", table(&self.words(), rows))
+    }
+
+    /// The table in Markdown.
+    pub(crate) fn in_markdown(&self) -> String {
+        in_markdown(&self.words(), &self.rows)
+    }
+
+    fn words(&self) -> Vec<&str> {
+        self.header.iter().map(String::as_str).collect()
+    }
+}
+
+/// The tables of a study that an experiment's page has too.
+pub(crate) fn of_experiment(summary: &Summary) -> [Section; 2] {
+    [agreement(summary), costs(summary)]
 }
 
 /// All tables that have a row.
@@ -31,14 +57,14 @@ pub(crate) fn in_full(compact: &Compact, summary: &Summary, markdown: bool) -> S
         pools(compact, summary),
         referees(summary),
     ];
-    for Section { title, header, rows, below } in
-        sections.into_iter().filter(|section| !section.rows.is_empty())
-    {
-        let header: Vec<&str> = header.iter().map(String::as_str).collect();
-        let table = if markdown { in_markdown(&header, &rows) } else { table(&header, &rows) };
-        told += &format!("\n{title}\n\n{table}");
-        if !below.is_empty() {
-            told += &format!("\n{}\n", said(&below, markdown));
+    for section in sections.iter().filter(|section| !section.rows.is_empty()) {
+        if !markdown {
+            told += &section.plainly();
+            continue;
+        }
+        told += &format!("\n{}\n\n{}", section.title, section.in_markdown());
+        if !section.below.is_empty() {
+            told += &format!("\n{}\n", said(&section.below, markdown));
         }
     }
     for note in &compact.notes {
@@ -83,7 +109,7 @@ fn agreement(summary: &Summary) -> Section {
     let below = "Spearman is the mean over seeds with its 95 % interval by percentile bootstrap. The ceiling is the oracle \
                  against itself: each of its seeds against the mean of the others, as the judges are. A judge that clones \
                  is not held against an oracle by cloning.";
-    Section { title: "How well each judge agrees with the truth:", header, rows, below: below.to_owned() }
+    Section { title: "How well each judge agrees with the truth:".to_owned(), header, rows, below: below.to_owned() }
 }
 
 fn steadiness(summary: &Summary) -> Section {
@@ -101,7 +127,7 @@ fn steadiness(summary: &Summary) -> Section {
                  seeds with the truth. Where seeds differ and together agree better, a judge lacks repeats; where they agree \
                  with each other and not with the truth, more of the same does not help.";
     Section {
-        title: "How much of it is the luck of a seed:",
+        title: "How much of it is the luck of a seed:".to_owned(),
         header: words(&header),
         rows,
         below: below.to_owned(),
@@ -137,7 +163,7 @@ fn differences(summary: &Summary) -> Section {
                  which count alike, with the degrees of freedom of Welch and Satterthwaite. Fewer than ten pairs a set tell \
                  little.";
     Section {
-        title: "Which judge is the better one:",
+        title: "Which judge is the better one:".to_owned(),
         header: words(&["set", "truth", "judges", "difference", "verdict", "pairs"]),
         rows,
         below: below.to_owned(),
@@ -182,7 +208,7 @@ fn regret(summary: &Summary) -> Section {
                  is above the mean of all alone. At K = 1 the best is chosen by other \
                  trainings of the oracle than the one that scores it, so a judge can do better than that choice.";
     Section {
-        title: "What it costs to believe a judge:",
+        title: "What it costs to believe a judge:".to_owned(),
         header: words(&["set", "imitator", "K", "judge", "regret", "share", "seeds"]),
         rows,
         below: below.to_owned(),
@@ -215,7 +241,7 @@ fn costs(summary: &Summary) -> Section {
         }
     }
     Section {
-        title: "What judging costs, once and for each demonstration:",
+        title: "What judging costs, once and for each demonstration:".to_owned(),
         header: words(&["set", "judge", "steps once", "steps each", "s once", "s each", "ABD", "seeds"]),
         rows,
         below: "Seconds are those of one processor. ABD is the adapted behaviors distance.".to_owned(),
@@ -242,7 +268,7 @@ fn pools(compact: &Compact, summary: &Summary) -> Section {
         ]);
     }
     Section {
-        title: "What policies learn from subsets:",
+        title: "What policies learn from subsets:".to_owned(),
         header: words(&[
             "set", "subset", "imitator", "at the end", "the chosen", "success", "true return", "steps", "s", "trainings",
         ]),
@@ -266,7 +292,7 @@ fn referees(summary: &Summary) -> Section {
     };
     let resamples = summary.referees.first().map_or(0, |of| of.rates.resamples);
     Section {
-        title: "What the referee says of trainings that are drawn again:",
+        title: "What the referee says of trainings that are drawn again:".to_owned(),
         header: words(&[
             "set",
             "kept",

@@ -16,6 +16,7 @@
 //!
 //! All of a method's numbers are paired by seed with those of the others, and so are trainings.
 
+pub mod bodies;
 mod choice;
 pub mod claims;
 pub mod compact;
@@ -51,7 +52,7 @@ use crate::stages::subset_selection::WeighingEnd;
 use crate::world::heuristic::Score;
 
 pub use choice::{Choice, Kept, TopK};
-pub use drawn::{By, CHANCE, Claim, Curves, Drawn, Draws, Figure, Measure, WHOLE, Weights};
+pub use drawn::{By, Claim, Curves, Drawn, Draws, Figure, Measure, WHOLE, Weights};
 pub use fingerprint::{Fingerprint, hash_of_entering};
 pub use names::names;
 pub use parts::{Known, Pool, Seeds, Set};

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::choice::Kept;
 use super::curves::{self, Trained};
-use super::drawn::{By, CHANCE, Claim, Measure, WHOLE};
+use super::drawn::{By, Claim, Measure, WHOLE};
 use super::estimate::{Difference, ENOUGH_SEEDS, paired_difference};
 use super::parts::Set;
 use super::plan::Study;
@@ -94,9 +94,6 @@ fn decided(study: &Study, claim: &Claim, finished: &Finished) -> Decided {
         for than in &claim.than {
             match claim.measure {
                 Measure::Distance => cases.push(by_distance(set, claim, than, finished)),
-                Measure::OtherBody => {
-                    cases.extend(at.iter().map(|kept| by_body(study, set, claim, *kept, finished)))
-                }
                 Measure::Score | Measure::Success => {
                     let imitators = study.drawn.curves.as_ref().map_or(&[][..], |curves| &curves.imitators);
                     let each =
@@ -113,11 +110,9 @@ fn decided(study: &Study, claim: &Claim, finished: &Finished) -> Decided {
 }
 
 impl Claim {
-    /// Whether it is about a set: a set that nobody judges only lends its prior, and bodies are compared where they are known.
+    /// Whether it is about a set; one that nobody judges only lends its prior.
     pub(super) fn is_about(&self, set: &Set) -> bool {
-        let is_named = self.sets.is_empty() || self.sets.contains(&set.name);
-        let is_known = self.measure != Measure::OtherBody || !set.bodies.is_empty();
-        is_named && is_known && set.seeds.count > 0
+        (self.sets.is_empty() || self.sets.contains(&set.name)) && set.seeds.count > 0
     }
 
     /// What is kept of a set, each number once; a K that is no choice there says nothing.
@@ -216,20 +211,4 @@ fn by_distance(set: &Set, claim: &Claim, than: &str, finished: &Finished) -> Cas
     let pair = |seed| Some((distance(than, seed)?, distance(&claim.better, seed)?));
     let pairs: Vec<(f64, f64)> = set.seeds.each().filter_map(pair).collect();
     case(set, Names::of(&claim.better, than), None, None, &pairs)
-}
-
-/// How much smaller the share of another body's demonstrations is among the kept than in the whole set.
-fn by_body(study: &Study, set: &Set, claim: &Claim, kept: Kept, finished: &Finished) -> Case {
-    let others = set.by_others();
-    let share = |demos: &[usize]| {
-        let is_other = |demo: &&usize| others.get(**demo).copied().unwrap_or(false);
-        demos.iter().filter(is_other).count() as f64 / demos.len().max(1) as f64
-    };
-    let chance = share(&(0..set.demonstrations).collect::<Vec<_>>());
-    let pair = |seed| {
-        let demos = study.kept(set, &claim.better, kept, seed, finished)?;
-        Some((chance, share(&demos.iter().map(|demo| demo.0).collect::<Vec<_>>())))
-    };
-    let pairs: Vec<(f64, f64)> = set.seeds.each().filter_map(pair).collect();
-    case(set, Names::of(&claim.better, CHANCE), Some(label(kept, set)), None, &pairs)
 }

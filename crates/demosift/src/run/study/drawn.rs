@@ -22,6 +22,9 @@ pub struct Drawn {
     /// How the results are read by who has looked at them, with enough seeds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reading: Option<String>,
+    /// Whether sets of it were left out, since only others were asked for or these are not there.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub in_part: bool,
     /// Policies that are trained on what methods keep.
     pub curves: Option<Curves>,
     /// Subsets that are selected by weights.
@@ -143,14 +146,10 @@ pub enum Measure {
     Success,
     /// The adapted behaviors distance (Table 1); lower is better, and K means nothing.
     Distance,
-    /// The share of another body's demonstrations among the kept; lower is better, and the other is `chance`.
-    OtherBody,
 }
 
 /// The whole set, in the place of a method.
 pub const WHOLE: &str = "all";
-/// Keeping at random, in the place of a method.
-pub const CHANCE: &str = "chance";
 
 impl Drawn {
     /// Whether it is an ordinary study that draws nothing.

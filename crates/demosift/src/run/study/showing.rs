@@ -1,8 +1,7 @@
 //! Whether what a study draws fits its sets and methods, and whether a cell has all that is to be shown of it.
 
 use super::choice::{Kept, TopK};
-use super::drawn::{CHANCE, Claim, Drawn, Draws, Measure, WHOLE, Weights};
-use super::parts::Set;
+use super::drawn::{Claim, Drawn, Draws, Measure, WHOLE, Weights};
 use super::plan::{Judge, Study};
 use super::{Cell, Found, Work};
 use crate::basics::error::{Error, Result};
@@ -57,10 +56,6 @@ impl Study {
     fn check_claim(&self, claim: &Claim) -> Result<()> {
         self.check_methods(std::slice::from_ref(&claim.better), &[WHOLE])?;
         match claim.measure {
-            Measure::OtherBody if claim.than.iter().any(|than| than != CHANCE) => {
-                return Err(Error::bad_config(format!("than may hold \"{CHANCE}\" alone, by this measure")));
-            }
-            Measure::OtherBody => {}
             Measure::Distance => self.check_methods(&claim.than, &[])?,
             Measure::Score | Measure::Success => self.check_methods(&claim.than, &[WHOLE])?,
         }
@@ -69,16 +64,6 @@ impl Study {
         if claim.than.is_empty() || wants_k == claim.at.is_empty() {
             let what = if wants_k { "than and at, which may not be empty" } else { "than, and no at" };
             return Err(Error::bad_config(format!("it needs {what}")));
-        }
-        if claim.measure == Measure::OtherBody {
-            let is_named = |set: &&Set| claim.sets.is_empty() || claim.sets.contains(&set.name);
-            let named: Vec<&Set> = self.sets.iter().filter(is_named).collect();
-            let unknown = named.iter().find(|set| set.bodies.is_empty());
-            if let Some(set) =
-                unknown.filter(|_| !claim.sets.is_empty() || named.iter().all(|set| set.bodies.is_empty()))
-            {
-                return Err(Error::bad_config(format!("the set '{}' does not say its bodies", set.name)));
-            }
         }
         self.check_kept(claim)
     }
@@ -98,7 +83,7 @@ impl Study {
             let others = claim.than.iter().map(move |than| (than, claim.than_at.unwrap_or(*at)));
             std::iter::once((&claim.better, *at)).chain(others)
         });
-        let of_methods = sides.filter(|(name, _)| *name != WHOLE && *name != CHANCE);
+        let of_methods = sides.filter(|(name, _)| *name != WHOLE);
         for ((name, kept), set) in of_methods
             .flat_map(|side| self.sets.iter().filter(|set| claim.is_about(set)).map(move |set| (side, set)))
         {

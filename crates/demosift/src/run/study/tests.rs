@@ -37,6 +37,7 @@ fn study() -> Study {
             known: vec![Known { kind: "return".to_owned(), values: vec![1.0, 2.0, 3.0, 4.0] }],
             prior: None,
             bodies: Vec::new(),
+            succeeded: Vec::new(),
             body: None,
         }],
         methods: vec![

@@ -2,11 +2,14 @@
 
 use serde::Serialize;
 
+use super::bodies::{self, BodyLine, TaughtLine};
 use super::choice::{Kept, TopK};
 use super::curves::{self, Trained};
 use super::parts::Set;
 use super::plan::Study;
-use super::{Cell, Cost, Finished, Found};
+use super::truth;
+use super::{Cell, Cost, Finished, Found, WeighingResult};
+use crate::data::demonstration::DemoId;
 use crate::learning::adapt::Rule;
 use crate::math::statistics;
 
@@ -23,7 +26,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    fn of(values: &[f64]) -> Option<Self> {
+    pub(super) fn of(values: &[f64]) -> Option<Self> {
         let (mean, deviation) = (statistics::mean_or_zero(values), curves::deviation(values));
         (!values.is_empty()).then_some(Self { mean, deviation, seeds: values.len() })
     }
@@ -61,20 +64,22 @@ pub struct DistanceLine {
     pub distance: Spread,
 }
 
-/// How many demonstrations of another body a method keeps.
+/// What a method keeps by weights (Algorithm 3).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct BodyLine {
+pub struct WeighedLine {
     /// Of which set.
     pub set: String,
     /// By which method.
     pub method: String,
-    /// K.
-    pub kept: usize,
-    /// The share of another body's among the kept.
-    pub share: Spread,
-    /// The same of the whole set.
-    pub chance: f64,
+    /// How many demonstrations.
+    pub kept: Spread,
+    /// With how many seeds each demonstration is kept, `[n]`.
+    pub times: Vec<usize>,
+    /// Spearman's correlation of the last weights of two seeds, the mean over all pairs; missing of a single seed.
+    pub alike: Option<f64>,
+    /// Environment steps of a selection, the prior apart; methods are given as many meta-updates, and not as many steps.
+    pub environment_steps: f64,
 }
 
 /// All of them, with the price.
@@ -85,14 +90,20 @@ pub struct Told {
     pub policies: Vec<PolicyLine>,
     /// Of each method that judged.
     pub distances: Vec<DistanceLine>,
-    /// Where a set says its bodies.
+    /// Where a set says its bodies: who is kept.
     pub bodies: Vec<BodyLine>,
+    /// Where a set says its bodies and the oracle has learned from each demonstration alone.
+    pub taught: Vec<TaughtLine>,
+    /// Where subsets are selected by weights.
+    pub weighed: Vec<WeighedLine>,
     /// What all finished cells cost together.
     pub cost: Cost,
     /// Cells that are there, and those that can be named by now.
     pub finished: [usize; 2],
     /// Seeds that the study asks for, and those with which everything is finished.
     pub seeds: [usize; 2],
+    /// Whether sets of it were left out.
+    pub in_part: bool,
 }
 
 /// Says what there is to say.
@@ -103,18 +114,21 @@ pub fn tell(study: &Study, finished: &Finished) -> Told {
     Told {
         policies: judged().flat_map(|set| policies(study, set, finished)).collect(),
         distances: judged().flat_map(|set| distances(study, set, finished)).collect(),
-        bodies: judged().flat_map(|set| bodies(study, set, finished)).collect(),
+        bodies: judged().flat_map(|set| bodies::kept(study, set, finished)).collect(),
+        taught: judged().flat_map(|set| bodies::taught(study, set, finished)).collect(),
+        weighed: judged().flat_map(|set| weighed(study, set, finished)).collect(),
         cost: cost(finished),
         finished: [there, work.len()],
         seeds: [judged().map(|set| set.seeds.count).max().unwrap_or(0), whole_seeds(study, finished)],
+        in_part: study.drawn.in_part,
     }
 }
 
 impl Told {
-    /// Whether cells are missing, or there are fewer seeds than a claim takes.
+    /// Whether sets or cells are missing, or there are fewer seeds than a claim takes.
     pub fn is_partial(&self) -> bool {
         let [there, all] = self.finished;
-        there < all || self.seeds[1] < super::estimate::ENOUGH_SEEDS
+        self.in_part || there < all || self.seeds[1] < super::estimate::ENOUGH_SEEDS
     }
 }
 
@@ -187,32 +201,30 @@ fn distances(study: &Study, set: &Set, finished: &Finished) -> Vec<DistanceLine>
     study.methods.iter().filter_map(of).collect()
 }
 
-fn bodies(study: &Study, set: &Set, finished: &Finished) -> Vec<BodyLine> {
-    let others = set.by_others();
-    let count = |demos: &mut dyn Iterator<Item = usize>| demos.filter(|demo| others[*demo]).count() as f64;
-    if others.is_empty() {
-        return Vec::new();
-    }
-    let at = study.drawn.curves.as_ref().map_or(&[][..], |curves| &curves.at);
-    let mut lines = Vec::new();
-    for kept in TopK::all_of(at, set.demonstrations) {
-        for method in &study.methods {
-            let share = |seed| {
-                let top = Kept::Top(TopK::Count(kept));
-                let demos = study.kept(set, &method.name, top, seed, finished)?;
-                Some(count(&mut demos.iter().map(|demo| demo.0)) / kept as f64)
-            };
-            let shares: Vec<f64> = set.seeds.each().filter_map(share).collect();
-            lines.extend(Spread::of(&shares).map(|share| BodyLine {
-                set: set.name.clone(),
-                method: method.name.clone(),
-                kept,
-                share,
-                chance: count(&mut (0..set.demonstrations)) / set.demonstrations as f64,
-            }));
-        }
-    }
-    lines
+fn weighed(study: &Study, set: &Set, finished: &Finished) -> Vec<WeighedLine> {
+    let methods = study.drawn.weights.as_ref().filter(|weights| weights.is_about(&set.name));
+    let of = |method: &String| {
+        let found: Vec<&WeighingResult> =
+            set.seeds.each().filter_map(|seed| finished.weighing(&set.name, method, seed)).collect();
+        let sizes: Vec<f64> = found.iter().map(|of| of.demos.len() as f64).collect();
+        let last: Vec<&Vec<f64>> = found.iter().filter_map(|of| of.weights.last()).collect();
+        let pairs = last.iter().enumerate().flat_map(|(index, one)| {
+            last[index + 1..].iter().map(move |other| truth::spearman(one, other))
+        });
+        let pairs: Vec<f64> = pairs.collect();
+        let steps: Vec<f64> = found.iter().map(|of| of.weighing.environment_steps as f64).collect();
+        Some(WeighedLine {
+            set: set.name.clone(),
+            method: method.clone(),
+            kept: Spread::of(&sizes)?,
+            times: (0..set.demonstrations)
+                .map(|demo| found.iter().filter(|of| of.demos.contains(&DemoId(demo))).count())
+                .collect(),
+            alike: (!pairs.is_empty()).then(|| statistics::mean(&pairs)),
+            environment_steps: statistics::mean_or_zero(&steps),
+        })
+    };
+    methods.iter().flat_map(|weights| &weights.methods).filter_map(of).collect()
 }
 
 fn cost(finished: &Finished) -> Cost {
