@@ -226,7 +226,7 @@ impl Page<'_> {
     /// The whole page.
     pub(crate) fn text(&self) -> String {
         let Self { shown, .. } = self;
-        let Shown { compact, told, decided } = shown;
+        let Shown { compact, told, decided, .. } = shown;
         let study = &compact.study;
         let mut text = format!("# {}\n\n", shown.title());
         if told.is_partial() {
