@@ -31,6 +31,7 @@ name = "four"
 task = "point_mass"
 data = "set"
 bodies = "bodies.json"
+recorded_under = "bodies.json"
 [[sets]]
 name = "lent"
 task = "point_mass"
@@ -152,7 +153,12 @@ fn an_experiment_becomes_cells_figures_numbers_and_a_page() {
     );
     // Where less is better the other one stands first, as in the difference.
     assert!(page.contains("| cloning − MAML | "), "{page}");
-    for part in ["## How many of the kept were made by another body\n", "## What is kept by weights\n", "| s each | ABD |"] {
+    for part in [
+        "## How many of the kept were made by another body\n",
+        "## What is kept by weights\n",
+        "| s each | ABD |",
+        "## Which demonstration comes first\n",
+    ] {
         assert!(page.contains(part), "{part} in {page}");
     }
     // Sets × K of two imitators: what cloning keeps is there for both; lines for top 1, top half, all and weights.
@@ -288,7 +294,7 @@ fn each_mistake_of_a_user_is_told() {
         &scratch,
         "reproduce fig2",
         &[
-            "no experiment 'fig2'; there are: fig3, fig4, fig5, fig6, fig7, fig8, fig9, table1, all",
+            "no experiment 'fig2'; there are: fig3, fig4, fig5, fig6, fig7, fig8, fig9, table1, variants, all",
             "hint: or give a study file",
         ],
     );

@@ -9,7 +9,7 @@ use super::study::{CellArguments, OnlyThese};
 
 #[derive(Debug, Args)]
 pub(crate) struct ReproduceArguments {
-    /// An experiment of the paper: fig3, fig4 (with fig10), fig5, fig6, fig7, fig8, fig9, table1, or all of them; or a study file
+    /// An experiment of the paper: fig3, fig4 (with fig10), fig5, fig6, fig7, fig8, fig9, table1, variants, or all of them; or a study file
     /// of your own that draws figures (docs/studies.md); or results that an earlier one made, to be drawn again: a file, or a
     /// folder of such files
     #[arg(value_name = "NAME|STUDY.toml|RESULTS.json|DIR")]

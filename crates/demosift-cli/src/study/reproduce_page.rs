@@ -113,7 +113,15 @@ impl Shown<'_> {
     }
 
     fn numbers(&self) -> Vec<Section> {
-        let own = [self.policies(), self.weighed(), self.bodies(), self.taught(), self.distances()];
+        let own = [
+            self.policies(),
+            self.lost(),
+            self.firsts(),
+            self.weighed(),
+            self.bodies(),
+            self.taught(),
+            self.distances(),
+        ];
         let mut sections: Vec<Section> = own.into_iter().chain(of_experiment(self.summary)).collect();
         sections.retain(|section| !section.rows.is_empty());
         sections
@@ -137,6 +145,65 @@ impl Shown<'_> {
         Section { below: DEVIATION.to_owned(), ..section(title.to_owned(), &header, rows) }
     }
 
+    fn lost(&self) -> Section {
+        let row = |of: &told::LostLine| {
+            let Difference { mean, interval, pairs, .. } = of.lost;
+            let scale = Scale::of([mean].into_iter().chain(interval.into_iter().flatten()), &of.unit);
+            let ends = interval.map_or(String::new(), |[low, high]| {
+                format!(" [{}, {}]", scale.signed(low), scale.signed(high))
+            });
+            let lost = format!("{}{ends} {}", scale.signed(mean), of.unit).trim_end().to_owned();
+            let is_sure = of.lost.is_separable() && pairs >= ENOUGH_SEEDS;
+            vec![
+                of.set.clone(),
+                imitator_name(of.imitator).to_owned(),
+                of.kept.to_string(),
+                of.method.clone().unwrap_or_else(|| "(whole set)".to_owned()),
+                if is_sure { format!("**{lost}**") } else { lost },
+                pairs.to_string(),
+            ]
+        };
+        let header = ["set", "imitator", "K", "kept by", "lost", "pairs"];
+        let rows = self.told.lost.iter().map(row).collect();
+        let below = "It is the score of policies from the truly best K, those of the oracle, less that of policies from the kept, \
+                     paired by seed, with a 95 % interval by Student's t; bold is what does not hold 0. The truly best one is \
+                     chosen by other trainings than the one that is compared, so a method can do better.";
+        let title = "What is lost beside the truly best K:".to_owned();
+        Section { below: below.to_owned(), ..section(title, &header, rows) }
+    }
+
+    fn firsts(&self) -> Section {
+        let knows_variants = self.told.firsts.iter().any(|of| of.fitting.is_some());
+        let row = |of: &told::FirstLine| {
+            let first = |first: &told::First| match &first.recorded_under {
+                Some(variant) => format!("{} ({variant}): {}", first.demo, first.times),
+                None => format!("{}: {}", first.demo, first.times),
+            };
+            let firsts: Vec<String> = of.firsts.iter().map(first).collect();
+            let mut row = vec![of.set.clone(), of.method.clone(), firsts.join(", ")];
+            if knows_variants {
+                row.extend(
+                    [of.fitting, of.fitting_in_set].map(|of| of.map_or("-".to_owned(), |of| of.to_string())),
+                );
+            }
+            row.push(of.seeds.to_string());
+            row
+        };
+        let mut header = vec!["set", "method", "first: with how many seeds"];
+        if knows_variants {
+            header.extend(["first is of this variant", "of this variant in the set"]);
+        }
+        header.push("seeds");
+        let rows = self.told.firsts.iter().map(row).collect();
+        let below = if knows_variants {
+            "In brackets is the variant under which a demonstration was recorded."
+        } else {
+            ""
+        };
+        let title = "Which demonstration comes first:".to_owned();
+        Section { below: below.to_owned(), ..section(title, &header, rows) }
+    }
+
     fn weighed(&self) -> Section {
         let row = |of: &told::WeighedLine| {
             let times = of.times.iter().enumerate().filter(|(_, times)| **times > 0);
@@ -151,7 +218,8 @@ impl Shown<'_> {
                 of.kept.seeds.to_string(),
             ]
         };
-        let header = ["set", "method", "kept", "with how many seeds", "weights of two seeds", "steps", "seeds"];
+        let header =
+            ["set", "method", "kept", "with how many seeds", "weights of two seeds", "steps", "seeds"];
         let rows = self.told.weighed.iter().map(row).collect();
         let below = "Weights of two seeds are compared by Spearman's correlation of the last ones, the mean over all pairs. Steps \
                      are those of a selection, its prior apart; methods have as many meta-updates, and not as many steps.";
@@ -358,7 +426,12 @@ pub(crate) fn summary(all: &[Summarized]) -> String {
 const DEVIATION: &str = "± is one standard deviation over seeds.";
 
 fn section(title: String, header: &[&str], rows: Vec<Vec<String>>) -> Section {
-    Section { title, header: header.iter().map(|&word| word.to_owned()).collect(), rows, below: String::new() }
+    Section {
+        title,
+        header: header.iter().map(|&word| word.to_owned()).collect(),
+        rows,
+        below: String::new(),
+    }
 }
 
 /// Markdown has one sentence per line.

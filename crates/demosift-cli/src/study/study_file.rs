@@ -304,6 +304,13 @@ fn open_set(entry: &SetEntry, file: &File, folders: Folders<'_>) -> Result<Found
         Some(path) => bodies(&folders.find(path), whole.len(), entry.episodes.as_deref())?,
         None => Bodies::default(),
     };
+    let recorded_under = match &entry.recorded_under {
+        Some(path) => {
+            let variants = &opened.chosen.task.specification().variants;
+            recorded_under(&folders.find(path), variants, whole.len(), entry.episodes.as_deref())?
+        }
+        None => Vec::new(),
+    };
     let oracle = file.oracle.as_ref().map_or(0, |oracle| entry.oracle_seeds.unwrap_or(oracle.seeds));
     let plan = Set {
         name: entry.name.clone(),
@@ -319,6 +326,7 @@ fn open_set(entry: &SetEntry, file: &File, folders: Folders<'_>) -> Result<Found
         prior: entry.prior.clone(),
         bodies: bodies.of,
         succeeded: bodies.succeeded,
+        recorded_under,
         body: entry.body.clone().or_else(|| {
             // A task that is named by its path has a name of its own.
             let name = &opened.chosen.task.specification().name;
@@ -419,19 +427,41 @@ struct Bodies {
 }
 
 fn bodies(path: &Path, whole: usize, episodes: Option<&[usize]>) -> Result<Bodies> {
-    let all = origins(path)?;
-    if all.len() != whole {
-        let wrong = format!("it tells the bodies of {} demonstrations, and there are {whole}", all.len());
-        return Err(Error::bad_input(wrong).at(path));
-    }
-    let used: Vec<&Origin> = match episodes {
-        Some(episodes) => episodes.iter().map(|episode| &all[*episode]).collect(),
-        None => all.iter().collect(),
-    };
+    let used = origins_of(path, whole, episodes)?;
     let succeeded: Option<Vec<bool>> = used.iter().map(|origin| origin.succeeded).collect();
     Ok(Bodies {
-        of: used.iter().map(|origin| origin.task.clone()).collect(),
+        of: used.into_iter().map(|origin| origin.task).collect(),
         succeeded: succeeded.unwrap_or_default(),
+    })
+}
+
+/// The variant under which each demonstration that is used was recorded.
+fn recorded_under(
+    path: &Path,
+    variants: &[String],
+    whole: usize,
+    episodes: Option<&[usize]>,
+) -> Result<Vec<String>> {
+    let name = |origin: Origin| {
+        variants.get(origin.variant).cloned().ok_or_else(|| {
+            let wrong =
+                format!("it tells of variant {}, and the task has {}", origin.variant, variants.len());
+            Error::bad_input(wrong).at(path)
+        })
+    };
+    origins_of(path, whole, episodes)?.into_iter().map(name).collect()
+}
+
+/// Where the demonstrations that are used came from.
+fn origins_of(path: &Path, whole: usize, episodes: Option<&[usize]>) -> Result<Vec<Origin>> {
+    let all = origins(path)?;
+    if all.len() != whole {
+        let wrong = format!("it tells of {} demonstrations, and there are {whole}", all.len());
+        return Err(Error::bad_input(wrong).at(path));
+    }
+    Ok(match episodes {
+        Some(episodes) => episodes.iter().map(|episode| all[*episode].clone()).collect(),
+        None => all,
     })
 }
 

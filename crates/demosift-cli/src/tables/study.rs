@@ -109,7 +109,12 @@ fn agreement(summary: &Summary) -> Section {
     let below = "Spearman is the mean over seeds with its 95 % interval by percentile bootstrap. The ceiling is the oracle \
                  against itself: each of its seeds against the mean of the others, as the judges are. A judge that clones \
                  is not held against an oracle by cloning.";
-    Section { title: "How well each judge agrees with the truth:".to_owned(), header, rows, below: below.to_owned() }
+    Section {
+        title: "How well each judge agrees with the truth:".to_owned(),
+        header,
+        rows,
+        below: below.to_owned(),
+    }
 }
 
 fn steadiness(summary: &Summary) -> Section {

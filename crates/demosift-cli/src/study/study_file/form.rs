@@ -85,6 +85,8 @@ pub(super) struct SetEntry {
     pub(super) prior: Option<String>,
     /// The file that says whose body made each demonstration; only shown.
     pub(super) bodies: Option<PathBuf>,
+    /// The file that says under which variant each demonstration was recorded; only shown.
+    pub(super) recorded_under: Option<PathBuf>,
     /// The task whose body the agent has, where the task of the set has the same one by another name.
     pub(super) body: Option<String>,
 }

@@ -104,8 +104,7 @@ pub(super) fn kept(study: &Study, set: &Set, finished: &Finished) -> Vec<BodyLin
         }
         for method in &study.methods {
             let of_seed = |seed| {
-                let demos =
-                    study.kept(set, &method.name, Kept::Top(TopK::Count(count)), seed, finished)?;
+                let demos = study.kept(set, &method.name, Kept::Top(TopK::Count(count)), seed, finished)?;
                 Some(shares.of(demos.iter().map(|demo| demo.0)))
             };
             let of: Vec<f64> = set.seeds.each().filter_map(of_seed).collect();
@@ -129,8 +128,7 @@ pub(super) fn taught(study: &Study, set: &Set, finished: &Finished) -> Vec<Taugh
         for (by_other, succeeded) in kinds {
             let is_meant =
                 |demo: &usize| others[*demo] == by_other && set.succeeded.get(*demo).copied() == succeeded;
-            let scores: Vec<f64> =
-                (0..set.demonstrations).filter(is_meant).map(|demo| alone[demo]).collect();
+            let scores: Vec<f64> = (0..set.demonstrations).filter(is_meant).map(|demo| alone[demo]).collect();
             if scores.is_empty() {
                 continue;
             }

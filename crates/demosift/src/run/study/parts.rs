@@ -57,6 +57,9 @@ pub struct Set {
     /// Whether each demonstration reached the goal where it was recorded, where that is known and bodies are; shown beside these.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub succeeded: Vec<bool>,
+    /// The variant under which each demonstration was recorded, where that is to be shown; nothing judges by it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub recorded_under: Vec<String>,
     /// The task whose body the agent has, where that is not the name of `task`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,

@@ -38,6 +38,7 @@ fn study() -> Study {
             prior: None,
             bodies: Vec::new(),
             succeeded: Vec::new(),
+            recorded_under: Vec::new(),
             body: None,
         }],
         methods: vec![

@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::bodies::{self, BodyLine, TaughtLine};
 use super::choice::{Kept, TopK};
 use super::curves::{self, Trained};
+use super::estimate::{Difference, paired_difference};
 use super::parts::Set;
 use super::plan::Study;
 use super::truth;
@@ -52,6 +53,54 @@ pub struct PolicyLine {
     pub success: Option<Spread>,
 }
 
+/// How much worse the policies from what a method keeps are than those from the truly best K, paired by seed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct LostLine {
+    /// Of which set.
+    pub set: String,
+    /// Of the heuristic.
+    pub unit: String,
+    /// Who learned.
+    pub imitator: Rule,
+    /// K.
+    pub kept: usize,
+    /// By which method; nothing for the whole set, whatever K.
+    pub method: Option<String>,
+    /// At the end of the training, above 0 where the truly best teach more.
+    pub lost: Difference,
+}
+
+/// Which demonstration a method puts first (Eq. 9).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct FirstLine {
+    /// Of which set.
+    pub set: String,
+    /// By which method.
+    pub method: String,
+    /// Each that is first with some seed, by how often.
+    pub firsts: Vec<First>,
+    /// With how many seeds the first was recorded under the variant that is judged, where that is known.
+    pub fitting: Option<usize>,
+    /// How many demonstrations of the set were.
+    pub fitting_in_set: Option<usize>,
+    /// Seeds.
+    pub seeds: usize,
+}
+
+/// A demonstration that is first with some seeds.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct First {
+    /// Which.
+    pub demo: usize,
+    /// With how many.
+    pub times: usize,
+    /// The variant under which it was recorded, where that is known.
+    pub recorded_under: Option<String>,
+}
+
 /// How far a method's adapted agents are from what was demonstrated (Table 1).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
@@ -88,6 +137,10 @@ pub struct WeighedLine {
 pub struct Told {
     /// Where policies are trained on what methods keep.
     pub policies: Vec<PolicyLine>,
+    /// Where an oracle says which demonstrations are the truly best.
+    pub lost: Vec<LostLine>,
+    /// Of each method that judged.
+    pub firsts: Vec<FirstLine>,
     /// Of each method that judged.
     pub distances: Vec<DistanceLine>,
     /// Where a set says its bodies: who is kept.
@@ -113,6 +166,8 @@ pub fn tell(study: &Study, finished: &Finished) -> Told {
     let judged = || study.sets.iter().filter(|set| set.seeds.count > 0);
     Told {
         policies: judged().flat_map(|set| policies(study, set, finished)).collect(),
+        lost: judged().flat_map(|set| lost(study, set, finished)).collect(),
+        firsts: judged().flat_map(|set| firsts(study, set, finished)).collect(),
         distances: judged().flat_map(|set| distances(study, set, finished)).collect(),
         bodies: judged().flat_map(|set| bodies::kept(study, set, finished)).collect(),
         taught: judged().flat_map(|set| bodies::taught(study, set, finished)).collect(),
@@ -191,6 +246,65 @@ fn policy_line(
     })
 }
 
+fn lost(study: &Study, set: &Set, finished: &Finished) -> Vec<LostLine> {
+    let imitators = study.drawn.curves.as_ref().map_or(&[][..], |curves| &curves.imitators);
+    let mut lines = Vec::new();
+    for imitator in imitators {
+        let end =
+            |demos: Vec<DemoId>, seed| Some(finished.training(&set.name, &demos, *imitator, seed)?.end.score);
+        for count in study.compared_with_best(set, *imitator) {
+            let best = |seed| end(study.truly_best_without(seed, set, *imitator, count, finished)?, seed);
+            let methods = study.methods.iter().map(|method| Some(method.name.clone())).chain([None]);
+            lines.extend(methods.filter_map(|method| {
+                let kept = |seed| match &method {
+                    Some(name) => study.kept(set, name, Kept::Top(TopK::Count(count)), seed, finished),
+                    None => Some((0..set.demonstrations).map(DemoId).collect()),
+                };
+                let pair = |seed| Some((best(seed)?, end(kept(seed)?, seed)?));
+                let pairs: Vec<(f64, f64)> = set.seeds.each().filter_map(pair).collect();
+                Some(LostLine {
+                    set: set.name.clone(),
+                    unit: set.unit.clone(),
+                    imitator: *imitator,
+                    kept: count,
+                    lost: paired_difference(&pairs)?,
+                    method,
+                })
+            }));
+        }
+    }
+    lines
+}
+
+fn firsts(study: &Study, set: &Set, finished: &Finished) -> Vec<FirstLine> {
+    let under = |demo: usize| set.recorded_under.get(demo);
+    // A task of one goal has nothing that would not fit.
+    let fits = |demo: &usize| set.variant.as_ref().is_none_or(|variant| under(*demo) == Some(variant));
+    let of = |method: &super::Judge| {
+        let first = |seed| {
+            let kept = Kept::Top(TopK::Count(1));
+            Some(study.kept(set, &method.name, kept, seed, finished)?.first()?.0)
+        };
+        let found: Vec<usize> = set.seeds.each().filter_map(first).collect();
+        let times = |demo: usize| found.iter().filter(|first| **first == demo).count();
+        let mut firsts: Vec<First> = (0..set.demonstrations)
+            .map(|demo| First { demo, times: times(demo), recorded_under: under(demo).cloned() })
+            .filter(|first| first.times > 0)
+            .collect();
+        firsts.sort_by_key(|first| std::cmp::Reverse(first.times));
+        let known = |count: usize| (!set.recorded_under.is_empty()).then_some(count);
+        (!found.is_empty()).then(|| FirstLine {
+            set: set.name.clone(),
+            method: method.name.clone(),
+            firsts,
+            fitting: known(found.iter().filter(|first| fits(first)).count()),
+            fitting_in_set: known((0..set.demonstrations).filter(fits).count()),
+            seeds: found.len(),
+        })
+    };
+    study.methods.iter().filter_map(of).collect()
+}
+
 fn distances(study: &Study, set: &Set, finished: &Finished) -> Vec<DistanceLine> {
     let of = |method: &super::Judge| {
         let judged = set.seeds.each().filter_map(|seed| finished.judging(&set.name, &method.name, seed));
@@ -208,9 +322,10 @@ fn weighed(study: &Study, set: &Set, finished: &Finished) -> Vec<WeighedLine> {
             set.seeds.each().filter_map(|seed| finished.weighing(&set.name, method, seed)).collect();
         let sizes: Vec<f64> = found.iter().map(|of| of.demos.len() as f64).collect();
         let last: Vec<&Vec<f64>> = found.iter().filter_map(|of| of.weights.last()).collect();
-        let pairs = last.iter().enumerate().flat_map(|(index, one)| {
-            last[index + 1..].iter().map(move |other| truth::spearman(one, other))
-        });
+        let pairs = last
+            .iter()
+            .enumerate()
+            .flat_map(|(index, one)| last[index + 1..].iter().map(move |other| truth::spearman(one, other)));
         let pairs: Vec<f64> = pairs.collect();
         let steps: Vec<f64> = found.iter().map(|of| of.weighing.environment_steps as f64).collect();
         Some(WeighedLine {

@@ -136,6 +136,22 @@ impl Study {
                 work.extend(set.seeds.each().filter_map(of));
             }
         }
+        for k in self.compared_with_best(set, imitator) {
+            let of = |seed| {
+                let demos = self.truly_best_without(seed, set, imitator, k, finished)?;
+                Some(training(set, &demos, imitator, seed))
+            };
+            work.extend(set.seeds.each().filter_map(of));
+        }
+    }
+
+    /// Each K of `[curves]` at which policies are held against those from the truly best K, where an oracle tells these.
+    pub(super) fn compared_with_best(&self, set: &Set, imitator: adapt::Rule) -> Vec<usize> {
+        let curves = self.drawn.curves.as_ref().filter(|curves| curves.imitators.contains(&imitator));
+        match curves.filter(|_| self.oracle.contains(&imitator) && set.oracle_seeds.count > 0) {
+            Some(curves) => TopK::all_of(&curves.at, set.demonstrations),
+            None => Vec::new(),
+        }
     }
 
     /// What a method keeps of a set with a seed, in the order of the set; `None` until it is known, and where there is none.
@@ -195,6 +211,8 @@ impl Study {
                 let at = TopK::all_of(&curves.at, set.demonstrations).len();
                 let whole = methods.min(1);
                 most += curves.imitators.len() * set.seeds.count * (at * methods + by_weights + whole);
+                let with_best = curves.imitators.iter().map(|of| self.compared_with_best(set, *of).len());
+                most += with_best.sum::<usize>() * set.seeds.count * whole;
             }
             if only.names(Only::POOLS) {
                 let pools = self.all_pools();

@@ -129,11 +129,12 @@ fn a_worker_that_failed_is_thrown_away_and_another_one_plays_on() {
 
 /// A point whose simulation runs away with some seeds.
 fn runs_away(task: &PointMass, width: usize, with: fn(&Seed) -> bool) -> Box<dyn Worker> {
-    let how = move |worker: &mut dyn Worker, episodes: &[Episode<'_>]| {
-        match episodes.iter().any(|episode| with(episode.seed)) {
-            true => Err(Error::diverged("observation 0 at step 17 is not a finite number")),
-            false => worker.play(episodes),
-        }
+    let how = move |worker: &mut dyn Worker, episodes: &[Episode<'_>]| match episodes
+        .iter()
+        .any(|episode| with(episode.seed))
+    {
+        true => Err(Error::diverged("observation 0 at step 17 is not a finite number")),
+        false => worker.play(episodes),
     };
     Box::new(Doing { width, worker: point(task), how })
 }
@@ -146,9 +147,8 @@ fn an_episode_that_runs_away_is_begun_again_from_another_start_and_the_others_ar
     let other = play(&Playground::new(&healthy), &policy(), Acting::Sampled, EnvVariant(0), vec![other]);
     wanted[1] = other.expect("a healthy point plays").remove(0);
     for (width, threads) in [(1, 1), (1, 3), (3, 2)] {
-        let task = PlayedBy::new(move |task: &PointMass| {
-            runs_away(task, width, |seed| *seed == Seed::new(5).at(1))
-        });
+        let task =
+            PlayedBy::new(move |task: &PointMass| runs_away(task, width, |seed| *seed == Seed::new(5).at(1)));
         on_threads(threads, || {
             let playground = Playground::new(&task);
             assert_eq!(some(&playground, 3).expect("the next start is a good one"), wanted);

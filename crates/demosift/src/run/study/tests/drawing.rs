@@ -141,10 +141,7 @@ fn claims_are_decided_by_the_paired_interval() {
     let found: Vec<Vec<Said>> =
         decided.iter().map(|of| of.cases.iter().map(|case| case.found).collect()).collect();
     use Said::{Agrees, Disagrees, NotSeparable};
-    assert_eq!(
-        found,
-        [vec![Agrees], vec![Disagrees], vec![NotSeparable, NotSeparable], vec![Agrees]]
-    );
+    assert_eq!(found, [vec![Agrees], vec![Disagrees], vec![NotSeparable, NotSeparable], vec![Agrees]]);
     // 5 ± 0.1 less 4: the mean is 1; ten values of ±0.1 have a standard error of 0.1 / 3, and t with 9 degrees is 2.262157.
     let difference = decided[0].cases[0].difference.expect("ten pairs");
     let [low, high] = difference.interval.expect("ten pairs");
@@ -228,6 +225,19 @@ fn numbers_beside_figures_are_those_of_the_cells() {
     close(told.distances[0].distance.mean, 0.4);
     let taller: Vec<f64> = told.bodies.iter().map(|of| of.share.mean).collect();
     assert_eq!(taller, [1.0, 0.0, 0.5, 0.0], "of K = 1 and 2, by both");
+    let [paper, cloning] = told.firsts.as_slice() else { panic!("two methods judge") };
+    let first = |demo, times| told::First { demo, times, recorded_under: None };
+    assert_eq!((&paper.firsts, paper.fitting, paper.seeds), (&vec![first(3, 10)], None, 10));
+    assert_eq!(cloning.firsts, [first(0, 10)]);
+    let mut under = study.clone();
+    under.sets[0].variant = Some("left".to_owned());
+    under.sets[0].recorded_under = ["right", "right", "left", "left"].map(str::to_owned).to_vec();
+    let fits = |of: &told::FirstLine| (of.fitting, of.fitting_in_set);
+    let told_under = told::tell(&under, &drawn_cells(10));
+    assert_eq!(
+        told_under.firsts.iter().map(fits).collect::<Vec<_>>(),
+        [(Some(10), Some(2)), (Some(0), Some(2))]
+    );
     close(told.cost.processor_hours(), 10.0 + 10.0 * 28.0 / 3600.0);
     // 1000 and 400 steps took 14 seconds.
     let one = [judged("paper", 0, [0.0; 4])];
@@ -314,11 +324,8 @@ fn bodies_are_told_beside_the_oracle_and_those_that_succeeded() {
     assert_eq!(line(2, None).share.mean, 0.5);
     let paper = line(1, Some("paper"));
     assert_eq!((paper.share.mean, paper.of_set, paper.of_successful), (1.0, 0.25, Some(0.5)));
-    let taught: Vec<(bool, Option<bool>, usize, f64)> = told
-        .taught
-        .iter()
-        .map(|of| (of.by_other, of.succeeded, of.demonstrations, of.mean))
-        .collect();
+    let taught: Vec<(bool, Option<bool>, usize, f64)> =
+        told.taught.iter().map(|of| (of.by_other, of.succeeded, of.demonstrations, of.mean)).collect();
     assert_eq!(
         taught,
         [(false, Some(true), 1, 1.0), (false, Some(false), 2, 4.0), (true, Some(true), 1, 4.5)]
@@ -327,6 +334,35 @@ fn bodies_are_told_beside_the_oracle_and_those_that_succeeded() {
     let unknown = told::tell(&study, &finished);
     assert_eq!(unknown.bodies[0].of_successful, None);
     assert_eq!(unknown.taught.iter().map(|of| of.succeeded).collect::<Vec<_>>(), [None, None]);
+}
+
+#[test]
+fn what_is_lost_beside_the_truly_best_is_paired_by_seed() {
+    let mut study = drawn_study();
+    (study.oracle, study.sets[0].oracle_seeds) = (vec![Rule::Gail], seeds(3));
+    let mut finished = drawn_cells(10);
+    // Of all seeds the truly best one is 2, and the best two are 2 and 3.
+    for seed in 0..10 {
+        let alone = [4.0, 1.0, 6.0].into_iter().enumerate();
+        for (demo, end) in alone.filter(|(demo, _)| *demo == 2 || seed < 3) {
+            finished.add(trained(&[demo], seed, end));
+        }
+    }
+    let told = told::tell(&study, &finished);
+    let lost = |kept: usize, method: Option<&str>| {
+        let of = |line: &&told::LostLine| line.kept == kept && line.method.as_deref() == method;
+        told.lost.iter().find(of).expect("a line").lost
+    };
+    close(lost(1, Some("cloning")).mean, 2.0);
+    close(lost(1, Some("paper")).mean, 1.0);
+    close(lost(2, Some("paper")).mean, 0.0);
+    close(lost(2, None).mean, 0.0);
+    assert!(lost(1, Some("paper")).is_separable() && lost(1, Some("paper")).pairs == 10);
+    // The trainings on the truly best are work as soon as the oracle is there, and are named once.
+    let wanted = Work::Training { set: "four".to_owned(), demos: ids(&[2]), imitator: Rule::Gail, seed: 9 };
+    assert_eq!(study.work(&finished).iter().filter(|work| **work == wanted).count(), 1);
+    assert!(!study.work(&drawn_cells(10)).contains(&wanted));
+    assert!(drawn_study().work(&finished).iter().all(|work| *work != wanted), "there is no oracle");
 }
 
 #[test]
