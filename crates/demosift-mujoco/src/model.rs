@@ -198,6 +198,15 @@ impl Model {
         nameless.collect()
     }
 
+    /// What decides how a state goes on beside positions and velocities, where something does.
+    pub(crate) fn hidden_state(&self) -> Option<&'static str> {
+        if self.0.na() > 0 {
+            return Some("activations of actuators");
+        }
+        let is_delayed = self.0.actuator_history().iter().any(|[samples, _]| *samples > 0);
+        is_delayed.then_some("controls that act later")
+    }
+
     /// Simulated seconds of one step of the physics.
     pub fn timestep_secs(&self) -> f64 {
         self.0.opt().timestep

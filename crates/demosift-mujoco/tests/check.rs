@@ -8,7 +8,7 @@ use demosift::data::demonstration::{Demonstration, DemonstrationSet};
 use demosift::data::trajectory::StateLog;
 use demosift::math::rows::Rows;
 use demosift::world::environment::{EnvVariant, Environment as _, Task as _};
-use demosift_mujoco::check::{self, Finding, Recorded, Severity, StatesFrom};
+use demosift_mujoco::check::{self, Finding, Presented, Recorded, Severity, StatesFrom};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use rand::RngExt as _;
 

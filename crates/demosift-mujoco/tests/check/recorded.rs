@@ -17,6 +17,32 @@ fn a_recording_of_the_task_itself_is_found_fine() {
 }
 
 #[test]
+fn where_actuators_have_activations_no_step_is_played_by_itself_and_nothing_is_blamed() {
+    let [motor, filter] =
+        ["<motor name=\"push\" ", "<general name=\"push\" dyntype=\"filter\" dynprm=\"0.3\" "];
+    let task = load(TASK, &MODEL.replace(motor, filter));
+    let (set, states) = record(&task);
+    let why = "a state of the model also holds activations of actuators";
+    let (recorded, findings) = compared(&task, &set, &states);
+    assert_fine(&findings);
+    assert_found(&findings, Severity::Fine, why);
+    let one = &recorded.demonstrations[0];
+    assert!(one.missed.is_none() && one.typically_missed.is_none(), "{one:?}");
+    // From where the task starts the activations are known.
+    assert!(one.drift.unwrap().greatest < 1e-9 && one.score.is_some(), "{one:?}");
+    let states = Some(&states[..]);
+    let findings = check::fit(task.specification(), Some(&task), &Presented::plain(&set, states)).unwrap();
+    assert_fine(&findings);
+    assert_found(&findings, Severity::Fine, why);
+    // Observations follow from positions and velocities, and are compared as ever.
+    let swapped = |row: &[f32]| [&row[2..4], &row[..2], &row[4..]].concat();
+    let swapped = changed(&set, swapped, same);
+    let findings =
+        check::fit(task.specification(), Some(&task), &Presented::plain(&swapped, states)).unwrap();
+    assert_found(&findings, Severity::Error, "number 0 is qvel shoulder");
+}
+
+#[test]
 fn observations_in_another_order_or_unit_are_found_and_named() {
     let task = load(TASK, MODEL);
     let (set, states) = record(&task);
