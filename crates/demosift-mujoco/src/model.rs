@@ -8,7 +8,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use demosift::{Error, Result};
-use mujoco_rs::prelude::{MjModel, MjtIntegrator, MjtJoint, MjtObjBase};
+use mujoco_rs::prelude::{MjModel, MjtEq, MjtIntegrator, MjtJoint, MjtObjBase, MjtTrn, MjtWrap};
 use mujoco_rs::wrappers::mj_auxiliary::MjVfs;
 
 use crate::names::instead;
@@ -313,18 +313,55 @@ impl Model {
         names.map(|(id, name)| name.unwrap_or_else(|| format!("{} {id}", kind.word()))).collect()
     }
 
-    /// Which numbers of the position say where something stands: those of slide joints, and x and y of free ones.
+    /// Which numbers of the position only say where on the floor something stands, which the physics does not ask: x and y of free
+    /// joints, and slides that carry a body of the world over it.
     pub(crate) fn places(&self) -> Vec<usize> {
-        let kinds = self.0.jnt_type().iter().zip(self.0.jnt_qposadr());
-        let numbers = kinds.map(|(kind, at)| {
+        let joints = self.0.jnt_type().iter().zip(self.0.jnt_qposadr()).enumerate();
+        let numbers = joints.map(|(joint, (kind, at))| {
             let count = match kind {
-                MjtJoint::mjJNT_SLIDE => 1,
+                MjtJoint::mjJNT_SLIDE if self.is_level(joint) && self.is_loose(joint) => 1,
                 MjtJoint::mjJNT_FREE => 2,
-                MjtJoint::mjJNT_BALL | MjtJoint::mjJNT_HINGE => 0,
+                MjtJoint::mjJNT_SLIDE | MjtJoint::mjJNT_BALL | MjtJoint::mjJNT_HINGE => 0,
             };
             *at as usize..*at as usize + count
         });
         numbers.flatten().collect()
+    }
+
+    /// Whether a slide moves a body of the world, and no other one, sideways.
+    fn is_level(&self, joint: usize) -> bool {
+        const LEVEL: f64 = 1e-6;
+        let body = self.0.jnt_bodyid()[joint] as usize;
+        let [w, x, y, z] = self.0.body_quat()[body];
+        let [along, aside, up] = self.0.jnt_axis()[joint];
+        let rises = 2.0 * (x * z - w * y) * along
+            + 2.0 * (y * z + w * x) * aside
+            + (1.0 - 2.0 * (x * x + y * y)) * up;
+        // What a joint before it turns, it moves elsewhere.
+        let before = &self.0.jnt_type()[self.0.body_jntadr()[body] as usize..joint];
+        let is_turned = before.iter().any(|kind| *kind != MjtJoint::mjJNT_SLIDE);
+        self.0.body_parentid()[body] == 0 && !is_turned && rises.abs() < LEVEL
+    }
+
+    /// Whether nothing holds a joint anywhere: no limit, spring, actuator, tendon or equality.
+    fn is_loose(&self, joint: usize) -> bool {
+        let is_it = |id: &i32| *id as usize == joint;
+        let is_sprung = self.0.jnt_stiffness()[joint] != 0.0
+            || self.0.jnt_stiffnesspoly()[joint].iter().any(|factor| *factor != 0.0);
+        let is_driven =
+            self.0.actuator_trntype().iter().zip(self.0.actuator_trnid()).any(|(kind, [id, _])| {
+                matches!(kind, MjtTrn::mjTRN_JOINT | MjtTrn::mjTRN_JOINTINPARENT) && is_it(id)
+            });
+        let mut of_tendons = self.0.wrap_type().iter().zip(self.0.wrap_objid());
+        let is_tied = of_tendons.any(|(kind, id)| *kind == MjtWrap::mjWRAP_JOINT && is_it(id));
+        let pairs = self.0.eq_obj1id().iter().zip(self.0.eq_obj2id());
+        let is_equal = self
+            .0
+            .eq_type()
+            .iter()
+            .zip(pairs)
+            .any(|(kind, (one, other))| *kind == MjtEq::mjEQ_JOINT && (is_it(one) || is_it(other)));
+        !(self.0.jnt_limited()[joint] || is_sprung || is_driven || is_tied || is_equal)
     }
 
     /// The joint with this name.
