@@ -373,20 +373,25 @@ impl Model {
         Ok(self.joints().swap_remove(id))
     }
 
+    /// The body with this name; it may have `body:` before it.
+    ///
+    /// # Errors
+    /// If there is none; lists the bodies there are.
+    pub(crate) fn body(&self, name: &str) -> Result<usize> {
+        self.id(Kind::Body, name.strip_prefix("body:").unwrap_or(name))
+    }
+
     /// The site, geom or body with this name; `site:`, `geom:` or `body:` before it says which.
     ///
     /// # Errors
     /// If nothing has the name, or more than one thing.
     pub(crate) fn point(&self, name: &str) -> Result<Point> {
-        if let Some((prefix, name)) = name.split_once(':') {
-            return match prefix {
-                "site" => self.id(Kind::Site, name).map(Point::Site),
-                "geom" => self.id(Kind::Geom, name).map(Point::Geom),
-                "body" => self.id(Kind::Body, name).map(Point::Body),
-                _ => Err(Error::bad_config(format!(
-                    "'{prefix}:' is not a kind of place; there are: site:, geom:, body:"
-                ))),
-            };
+        // A name may hold a colon itself, such as that of a part which was attached under a prefix.
+        match name.split_once(':') {
+            Some(("site", name)) => return self.id(Kind::Site, name).map(Point::Site),
+            Some(("geom", name)) => return self.id(Kind::Geom, name).map(Point::Geom),
+            Some(("body", _)) => return self.body(name).map(Point::Body),
+            _ => {}
         }
         let found: Vec<Point> = [
             self.id(Kind::Site, name).ok().map(Point::Site),

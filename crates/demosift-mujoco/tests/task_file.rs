@@ -104,7 +104,11 @@ fn each_mistake_is_named_with_what_would_have_been_right() {
             r#"{ height = "hat" }"#,
             &["no site or geom or body is called 'hat'", "leather"],
         ),
-        (r#"{ qpos = "slider" }"#, r#"{ height = "hat:cart" }"#, &["'hat:' is not a kind of place"]),
+        (
+            r#"{ qpos = "slider" }"#,
+            r#"{ height = "hat:cart" }"#,
+            &["no site or geom or body is called 'hat:cart'", "did you mean 'cart'?"],
+        ),
         (r#"{ qpos = "slider" }"#, r#"{ contact = ["floor", "site:cart"] }"#, &["sites touch nothing"]),
         (r#"{ qpos = "slider" }"#, r#"{ distance = ["floor"] }"#, &["array of length 2"]),
         (
@@ -337,6 +341,36 @@ fn a_part_without_a_name_can_be_named_as_it_is_listed() {
     let error =
         load(&TASK.replace("qpos = \"slider\"", "qpos = \"hip\""), &nameless).err().unwrap().to_string();
     assert!(error.contains("the model has: slider, joint 1"), "{error}");
+}
+
+#[test]
+fn names_may_hold_colons_and_a_kind_before_them_says_which_is_meant() {
+    // As parts are called that were attached under a prefix.
+    let model = MODEL.replace("name=\"cart\"", "name=\"robot0:cart\"").replace("\"box\"", "\"robot0:box\"");
+    let task = |measured: &str| TASK.replace("{ qpos = \"slider\" }", measured);
+    for measured in [
+        "{ distance = ['robot0:box', 'ball'] }",
+        "{ height = 'robot0:box' }",
+        "{ position = { of = 'site:robot0:cart', axis = 'x' } }",
+        "{ velocity = { of = 'body:robot0:cart', axis = 'x' } }",
+        "{ contact = ['geom:robot0:box', 'floor'] }",
+    ] {
+        load(&task(measured), &model).unwrap();
+    }
+    let error = load(&task("{ height = 'robot0:boks' }"), &model).err().unwrap().to_string();
+    assert!(error.contains("no site or geom or body is called 'robot0:boks'; did you mean"), "{error}");
+    let error = load(&task("{ height = 'robot0:cart' }"), &model).err().unwrap().to_string();
+    assert!(error.contains("names more than one thing; write site:robot0:cart"), "{error}");
+    let seen = |part: &str| TASK.replace("\"phase\"", part);
+    for part in [
+        "{ contact_wrench = ['robot0:cart', 'body:robot0:cart[3:]', 'body:ball'] }",
+        "{ position = ['robot0:box[2:]'] }",
+        "{ velocity = ['body:robot0:cart'] }",
+    ] {
+        load(&seen(part), &model).unwrap();
+    }
+    let error = load(&seen("{ contact_wrench = ['site:robot0:cart'] }"), &model).err().unwrap().to_string();
+    assert!(error.contains("no body is called 'site:robot0:cart'"), "{error}");
 }
 
 #[test]
