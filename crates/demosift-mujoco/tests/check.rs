@@ -155,6 +155,12 @@ fn each_mistake_in_a_task_is_found() {
             "every random episode is a success",
         ),
         (
+            "<joint name=\"elbow\"/>",
+            "<joint name=\"elbow\" range=\"30 150\"/>",
+            Warning,
+            "joints start outside of their ranges: elbow at 0.000, range 0.524 to 2.618: start within them",
+        ),
+        (
             "[\"hand\", \"target\"]",
             "[\"body:upper\", \"target\"]",
             Error,
@@ -186,6 +192,20 @@ fn each_mistake_in_a_task_is_found() {
         };
         assert_found(&findings, severity, part);
     }
+}
+
+#[test]
+fn a_start_is_held_against_the_ranges_of_joints_without_its_noise_and_for_each_variant() {
+    let limited = MODEL.replace("<joint name=\"elbow\"/>", "<joint name=\"elbow\" range=\"0 90\"/>");
+    let words = |task: &str| {
+        let (_, findings) = check::play(&load(task, &limited), &Seed::new(0)).unwrap();
+        let found = findings.iter().find(|one| one.message.contains("outside of their ranges"));
+        found.map(|one| one.message.clone())
+    };
+    assert_eq!(words(TASK), None, "at the end of the range, from where noise leads out of it");
+    let variants = "[[variant]]\nname = \"bent\"\nqpos = { elbow = 1.571 }\n[[variant]]\nname = \"over\"\nqpos = { elbow = 2 }";
+    let wanted = "joints start outside of their ranges: elbow at 2.000, range 0.000 to 1.571 under 'over'";
+    assert_eq!(words(&format!("{TASK}\n{variants}")).as_deref(), Some(wanted));
 }
 
 /// Three episodes of random actions with their states, as `task` plays them.

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::{Finding, first_few, several};
 use crate::environment::MujocoEnvironment;
-use crate::model::Kind;
+use crate::model::{Axis, Kind};
 use crate::mujoco_task::MujocoTask;
 use crate::task::measurement::Measurement;
 
@@ -28,6 +28,9 @@ const FEWEST: usize = 4;
 const PUSHED: usize = 10;
 /// How far geoms may be inside each other as an episode starts, m: more is thrown apart by the physics.
 const DEEP: f64 = 0.02;
+
+/// How far outside of its range a joint may start, rad or m: keyframes are written with few digits.
+const OUTSIDE: f64 = 1e-3;
 
 /// The result of random actions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -140,12 +143,13 @@ pub fn play(task: &MujocoTask, seed: &Seed) -> Result<(Tried, Vec<Finding>)> {
     });
     let overlaps = (0..variants).flat_map(|variant| overlaps(&mut environment, seed, variant));
     let overlaps: Vec<String> = overlaps.collect();
+    let outside: Vec<String> = (0..variants).flat_map(|variant| starts_outside(task, variant)).collect();
     let without_effect = without_effect(task, &mut environment, seed);
     let played = sum_up(task, &episodes, length);
     let tried = 2 * PUSHED * specification.action_size;
     let steps_in_all = played.steps + again.iter().map(Episode::steps).sum::<usize>() + tried;
     let played = Tried { without_effect, repeats, steps_in_all, ..played };
-    let mut findings = findings(task, &played, &overlaps);
+    let mut findings = findings(task, &played, &Starts { overlaps, outside });
     findings.extend(ends(task, &episodes));
     Ok((played, findings))
 }
@@ -212,14 +216,31 @@ fn overlaps(environment: &mut MujocoEnvironment, seed: &Seed, variant: usize) ->
     let deep = environment.data().contact().iter().filter(|contact| contact.dist < -DEEP);
     let pairs = deep.filter_map(|contact| {
         let [Ok(one), Ok(other)] = contact.geom.map(usize::try_from) else { return None };
-        let under = if specification.variants.len() > 1 {
-            format!(" under '{}'", specification.variants[variant])
-        } else {
-            String::new()
-        };
+        let under = under(&specification, variant);
         Some(format!("{} and {} by {:.3} m{under}", names[one], names[other], -contact.dist))
     });
     pairs.collect()
+}
+
+/// Joints that start outside of their ranges under the variant, noise aside.
+fn starts_outside(task: &MujocoTask, variant: usize) -> Vec<String> {
+    let start = task.blueprint().reset.start(variant);
+    let axes = task.model().axes().into_iter();
+    let outside = axes.filter_map(|Axis { name, qpos, range, .. }| {
+        let ([low, high], at) = (range?, start[qpos]);
+        let is_within = (low - OUTSIDE..=high + OUTSIDE).contains(&at);
+        let under = under(task.specification(), variant);
+        (!is_within).then(|| format!("{name} at {at:.3}, range {low:.3} to {high:.3}{under}"))
+    });
+    outside.collect()
+}
+
+/// Such as ` under 'left'`, where there are several variants.
+fn under(specification: &Specification, variant: usize) -> String {
+    match &specification.variants[..] {
+        [_] => String::new(),
+        variants => format!(" under '{}'", variants[variant]),
+    }
 }
 
 /// Actuators for which −1 and 1 lead to the same observations, bit for bit.
@@ -291,8 +312,16 @@ fn sum_up(task: &MujocoTask, episodes: &[Episode], length: usize) -> Tried {
     }
 }
 
-fn findings(task: &MujocoTask, played: &Tried, overlaps: &[String]) -> Vec<Finding> {
-    let mut findings = physics(played, overlaps);
+/// What is odd as episodes start, in words.
+struct Starts {
+    /// Geoms that are inside each other.
+    overlaps: Vec<String>,
+    /// Joints that are outside of their ranges.
+    outside: Vec<String>,
+}
+
+fn findings(task: &MujocoTask, played: &Tried, starts: &Starts) -> Vec<Finding> {
+    let mut findings = physics(played, starts);
     findings.extend(what_is_seen(task, played));
     if played.unstable < played.episodes {
         findings.extend(heuristic(task, played));
@@ -300,7 +329,7 @@ fn findings(task: &MujocoTask, played: &Tried, overlaps: &[String]) -> Vec<Findi
     findings
 }
 
-fn physics(played: &Tried, overlaps: &[String]) -> Vec<Finding> {
+fn physics(played: &Tried, Starts { overlaps, outside }: &Starts) -> Vec<Finding> {
     let mut findings = Vec::new();
     let episodes = several(played.episodes, "episode");
     let kinds: Vec<&str> = played.warnings.iter().map(|(words, _)| words.as_str()).collect();
@@ -328,6 +357,12 @@ fn physics(played: &Tried, overlaps: &[String]) -> Vec<Finding> {
         findings.push(Finding::warning(
             format!("geoms are inside each other as an episode starts: {}", first_few(overlaps)),
             "move them apart in [reset], or <exclude> the pair in the model; the physics throws them apart",
+        ));
+    }
+    if !outside.is_empty() {
+        findings.push(Finding::warning(
+            format!("joints start outside of their ranges: {}", first_few(outside)),
+            "start within them in [reset], perhaps with a keyframe of the model; the physics throws them back",
         ));
     }
     findings.push(if played.repeats {

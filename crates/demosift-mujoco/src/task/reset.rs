@@ -88,6 +88,11 @@ impl Reset {
         self.qpos_noise.is_none() && self.qvel_noise.is_none()
     }
 
+    /// The position in which a variant starts, without noise.
+    pub(crate) fn start(&self, variant: usize) -> &[f64] {
+        &self.states[variant].qpos
+    }
+
     /// Sets what a state holds beside position and velocity, after MuJoCo has reset all of it.
     pub(crate) fn write_beside(&self, data: &mut Data) {
         let Some(beside) = &self.beside else { return };
