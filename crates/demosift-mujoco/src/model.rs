@@ -434,24 +434,46 @@ impl Model {
         Err(Error::bad_config(format!("the body '{name}' has no geoms, so it touches nothing")))
     }
 
+    /// What each control is called, in order: as its actuator, or `servo[0]`, `servo[1]` where that takes several.
+    pub(crate) fn controls(&self) -> Vec<String> {
+        let mut controls = vec![String::new(); self.0.nu() as usize];
+        let places = self.0.actuator_ctrladr().iter().zip(self.0.actuator_ctrlnum());
+        for (name, (first, count)) in self.called(Kind::Actuator).into_iter().zip(places) {
+            for number in 0..*count {
+                let called = if *count == 1 { name.clone() } else { format!("{name}[{number}]") };
+                controls[(first + number) as usize] = called;
+            }
+        }
+        controls
+    }
+
     /// The range of each control.
     ///
     /// # Errors
     /// If an actuator has no `ctrlrange`: then [−1, 1] would mean nothing.
     pub(crate) fn control_ranges(&self) -> Result<Vec<[f64; 2]>> {
         let limited = self.0.actuator_ctrllimited();
-        let without = self.called(Kind::Actuator).into_iter().zip(limited).filter(|(_, limited)| !**limited);
+        let without = self.controls().into_iter().zip(limited).filter(|(_, limited)| !**limited);
         let without: Vec<String> = without.map(|(name, _)| name).collect();
         if let [first, rest @ ..] = &without[..] {
             let others =
                 if rest.is_empty() { String::new() } else { format!(" (nor have: {})", rest.join(", ")) };
-            return Err(Error::bad_input(format!(
+            let error = Error::bad_input(format!(
                 "the actuator {first} has no ctrlrange{others}; every actuator needs one, such as ctrlrange=\"-1 1\", since \
                  actions in [-1, 1] are scaled to it"
-            )));
+            ));
+            let takes_several = self.0.actuator_ctrlnum().iter().any(|count| *count > 1);
+            return Err(match takes_several {
+                true => error.with_hint(
+                    "an actuator of several inputs takes a range for each, such as posrange, velrange and ffrange of <pid>",
+                ),
+                false => error,
+            });
         }
         if limited.is_empty() {
-            return Err(Error::bad_input("the model has no actuators; an agent needs at least one"));
+            return Err(Error::bad_input(
+                "the model has no actuators that take a control; an agent needs at least one",
+            ));
         }
         Ok(self.0.actuator_ctrlrange().to_vec())
     }

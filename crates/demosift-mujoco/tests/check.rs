@@ -195,6 +195,22 @@ fn each_mistake_in_a_task_is_found() {
 }
 
 #[test]
+fn each_control_of_an_actuator_that_takes_several_is_named_with_its_own_range() {
+    let motor = "<motor name=\"bend\" joint=\"elbow\" gear=\"0.1\" ctrlrange=\"-2 2\"/>";
+    let servo = "<pid name=\"bend\" joint=\"elbow\" kp=\"1\" kv=\"0.1\" input=\"pos vel\" posrange=\"-1 1\" velrange=\"-3 3\"/>\
+         <motor name=\"none\" joint=\"elbow\" gear=\"0\" ctrlrange=\"-2 2\"/>";
+    let task = load(TASK, &MODEL.replace(motor, servo));
+    let (seen, _) = check::look(&task);
+    let named = seen.actuators.iter().map(|one| format!("{} {} {}", one.name, one.low, one.high));
+    assert_eq!(named.collect::<Vec<_>>(), ["push -1 1", "bend[0] -1 1", "bend[1] -3 3", "none -2 2"]);
+    assert_eq!(check::play(&task, &Seed::new(0)).unwrap().0.without_effect, ["none"]);
+    let model = MODEL.replace(motor, &servo.replace(" velrange=\"-3 3\"", ""));
+    let error = MujocoTask::from_texts(TASK, &[("arm.xml", &model)], None).err().unwrap();
+    assert!(error.to_string().contains("the actuator bend[1] has no ctrlrange;"), "{error}");
+    assert!(error.hint().unwrap().contains("velrange"), "{error}");
+}
+
+#[test]
 fn a_start_is_held_against_the_ranges_of_joints_without_its_noise_and_for_each_variant() {
     let limited = MODEL.replace("<joint name=\"elbow\"/>", "<joint name=\"elbow\" range=\"0 90\"/>");
     let words = |task: &str| {

@@ -243,7 +243,7 @@ fn under(specification: &Specification, variant: usize) -> String {
     }
 }
 
-/// Actuators for which −1 and 1 lead to the same observations, bit for bit.
+/// Controls for which −1 and 1 lead to the same observations, bit for bit.
 fn without_effect(task: &MujocoTask, environment: &mut MujocoEnvironment, seed: &Seed) -> Vec<String> {
     let specification = task.specification();
     let mut seen = |control: usize, value: f32| {
@@ -259,7 +259,7 @@ fn without_effect(task: &MujocoTask, environment: &mut MujocoEnvironment, seed: 
         }
         seen
     };
-    let names = task.model().called(Kind::Actuator).into_iter().enumerate();
+    let names = task.model().controls().into_iter().enumerate();
     names.filter(|(control, _)| seen(*control, -1.0) == seen(*control, 1.0)).map(|(_, name)| name).collect()
 }
 

@@ -64,7 +64,7 @@ pub struct Seen {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Actuator {
-    /// Its name.
+    /// Its name; `servo[0]` for the first control of one that takes several.
     pub name: String,
     /// The control that −1 becomes.
     pub low: f64,
@@ -123,7 +123,7 @@ fn describe(task: &MujocoTask) -> Seen {
     let blueprint = task.blueprint();
     let model = task.model();
     let names = &specification.measurements;
-    let actuators = model.called(Kind::Actuator).into_iter().zip(&blueprint.controls);
+    let actuators = model.controls().into_iter().zip(&blueprint.controls);
     let measured = names.iter().zip(&blueprint.measurements);
     let success = blueprint
         .success
