@@ -149,7 +149,8 @@ pub fn play(task: &MujocoTask, seed: &Seed) -> Result<(Tried, Vec<Finding>)> {
     let tried = 2 * PUSHED * specification.action_size;
     let steps_in_all = played.steps + again.iter().map(Episode::steps).sum::<usize>() + tried;
     let played = Tried { without_effect, repeats, steps_in_all, ..played };
-    let mut findings = findings(task, &played, &Starts { overlaps, outside });
+    let warned = episodes.iter().filter(|episode| !episode.warnings.is_empty()).count();
+    let mut findings = findings(task, &played, &Odd { warned, overlaps, outside });
     findings.extend(ends(task, &episodes));
     Ok((played, findings))
 }
@@ -312,16 +313,18 @@ fn sum_up(task: &MujocoTask, episodes: &[Episode], length: usize) -> Tried {
     }
 }
 
-/// What is odd as episodes start, in words.
-struct Starts {
-    /// Geoms that are inside each other.
+/// What was seen beside what is told of each number.
+struct Odd {
+    /// Episodes in which MuJoCo warned.
+    warned: usize,
+    /// Geoms that are inside each other as an episode starts.
     overlaps: Vec<String>,
-    /// Joints that are outside of their ranges.
+    /// Joints that are outside of their ranges then.
     outside: Vec<String>,
 }
 
-fn findings(task: &MujocoTask, played: &Tried, starts: &Starts) -> Vec<Finding> {
-    let mut findings = physics(played, starts);
+fn findings(task: &MujocoTask, played: &Tried, odd: &Odd) -> Vec<Finding> {
+    let mut findings = physics(played, odd);
     findings.extend(what_is_seen(task, played));
     if played.unstable < played.episodes {
         findings.extend(heuristic(task, played));
@@ -329,10 +332,11 @@ fn findings(task: &MujocoTask, played: &Tried, starts: &Starts) -> Vec<Finding> 
     findings
 }
 
-fn physics(played: &Tried, Starts { overlaps, outside }: &Starts) -> Vec<Finding> {
+fn physics(played: &Tried, Odd { warned, overlaps, outside }: &Odd) -> Vec<Finding> {
     let mut findings = Vec::new();
     let episodes = several(played.episodes, "episode");
-    let kinds: Vec<&str> = played.warnings.iter().map(|(words, _)| words.as_str()).collect();
+    let kinds: Vec<String> =
+        played.warnings.iter().map(|(words, count)| format!("{words} ({count})")).collect();
     if played.unstable > 0 {
         findings.push(Finding::error(
             format!(
@@ -349,7 +353,7 @@ fn physics(played: &Tried, Starts { overlaps, outside }: &Starts) -> Vec<Finding
         )));
     } else {
         findings.push(Finding::warning(
-            format!("MuJoCo warned in {episodes} of random actions: {}", kinds.join("; ")),
+            format!("MuJoCo warned in {warned} of {episodes} of random actions: {}", kinds.join("; ")),
             "the physics is not quite what the model asks for; mend the model",
         ));
     }
@@ -491,4 +495,39 @@ fn heuristic(task: &MujocoTask, played: &Tried) -> Vec<Finding> {
         ));
     }
     findings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tried(unstable: usize) -> Tried {
+        Tried {
+            episodes: 100,
+            steps: 5000,
+            steps_per_episode: 50,
+            steps_in_all: 5200,
+            ended_early: 0,
+            ended_at_start: 0,
+            unstable,
+            warnings: vec![("too many contacts".to_owned(), 2), ("a wild position".to_owned(), 1)],
+            observation: Vec::new(),
+            measurements: Vec::new(),
+            scores: Range::of("heuristic"),
+            success: None,
+            without_effect: Vec::new(),
+            repeats: true,
+        }
+    }
+
+    #[test]
+    fn warnings_are_told_with_the_episodes_in_which_they_came() {
+        let odd = Odd { warned: 2, overlaps: Vec::new(), outside: Vec::new() };
+        let message = |unstable: usize| physics(&tried(unstable), &odd)[0].message.clone();
+        let kinds = "too many contacts (2); a wild position (1)";
+        assert_eq!(message(0), format!("MuJoCo warned in 2 of 100 episodes of random actions: {kinds}"));
+        let wanted =
+            format!("the simulation became unstable in 1 of 100 episodes of random actions: {kinds}");
+        assert_eq!(message(1), wanted);
+    }
 }
