@@ -197,6 +197,15 @@ fn an_episode_has_an_end() {
 }
 
 #[test]
+fn nothing_is_recorded_where_no_reward_says_what_to_learn() {
+    let scratch = with_task("record-without-reward", "reward = [{ measurement = 'x' }]\n", "");
+    let wanted = ["has no reward", "block", "\nhint: add terms to `reward`"];
+    scratch.refuse("record --task block --out run", &wanted);
+    scratch.refuse("record --task block --out run --dry-run", &wanted);
+    assert!(!scratch.0.join("run").exists());
+}
+
+#[test]
 fn a_first_task_file_is_written_that_the_check_accepts_and_nothing_is_written_over() {
     let scratch = Scratch::new("task-new");
     std::fs::create_dir_all(scratch.0.join("block")).unwrap();

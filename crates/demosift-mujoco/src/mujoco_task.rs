@@ -167,6 +167,13 @@ impl MujocoTask {
         self.0.camera.as_deref()
     }
 
+    /// Whether the task says on what reward a demonstrator is trained.
+    pub fn has_reward(&self) -> bool {
+        let blueprint = &self.0;
+        let pays = blueprint.success.as_ref().is_some_and(|success| success.reward != 0.0);
+        pays || !blueprint.terms.is_empty() || blueprint.shaping.is_some()
+    }
+
     /// Steps of the physics in a control step.
     pub fn frame_skip(&self) -> u32 {
         self.0.frame_skip

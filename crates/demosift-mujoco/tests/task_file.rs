@@ -374,6 +374,17 @@ fn names_may_hold_colons_and_a_kind_before_them_says_which_is_meant() {
 }
 
 #[test]
+fn a_reward_may_be_terms_or_success_and_need_not_be_there() {
+    let has = |more: &str| load(&format!("{TASK}\n{more}"), MODEL).unwrap().has_reward();
+    let success = "[success]\nfold = 'max'\nof = 'x'\nabove = 1.0\n";
+    assert!(!has("") && !has(success));
+    assert!(has(&format!("{success}reward = 2.0")));
+    let terms = TASK.replace("[measurements]", "reward = [{ constant = 1.0 }]\n[measurements]");
+    assert!(load(&terms, MODEL).unwrap().has_reward());
+    assert!(registry::load("free_throw").unwrap().has_reward(), "its reward is written in Rust");
+}
+
+#[test]
 fn a_wrong_model_is_named_with_the_reason() {
     let error = load(TASK, "<mujoco><worldbody><body name='a'></mujoco>").err().unwrap();
     assert!(error.to_string().contains("MuJoCo rejects the model"), "{error}");

@@ -103,7 +103,7 @@ pub fn look(task: &MujocoTask) -> (Seen, Vec<Finding>) {
     findings.extend(sign(task.blueprint()));
     findings.extend(early_end(task.blueprint()));
     findings.extend(times(&seen));
-    if seen.reward.is_empty() {
+    if !task.has_reward() {
         findings.push(Finding::warning(
             "the task has no reward, so `demosift record` has nothing to train a demonstrator on",
             "if you want it to, add terms to `reward`, or `reward` to [success]; judging needs neither",
