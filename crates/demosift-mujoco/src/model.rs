@@ -134,10 +134,7 @@ impl Model {
         quiet();
         if !path.is_file() {
             let beside = models_beside(path);
-            return Err(Error::bad_input(format!(
-                "there is no such file; `model` is relative to the folder of its task.toml, which has: {beside}"
-            ))
-            .at(path));
+            return Err(Error::bad_input(format!("there is no such file; its folder has: {beside}")).at(path));
         }
         if path.to_str().is_none_or(|path| path.contains('\0')) {
             return Err(Error::bad_input("MuJoCo opens only paths that are valid UTF-8").at(path));
@@ -186,6 +183,15 @@ impl Model {
     /// Names of the cameras.
     pub fn cameras(&self) -> Vec<String> {
         self.names(Kind::Camera).into_iter().flatten().collect()
+    }
+
+    /// Why nobody can look through one of its cameras, if nobody can.
+    pub fn lacks_camera(&self) -> Option<&'static str> {
+        match (self.0.ncam(), &self.cameras()[..]) {
+            (0, _) => Some("has no camera"),
+            (_, []) => Some("has no camera with a name"),
+            _ => None,
+        }
     }
 
     /// What has no name, such as `geom 3`: bodies, joints, geoms, sites, cameras and actuators.
@@ -241,9 +247,17 @@ impl Model {
     pub(crate) fn id(&self, kind: Kind, name: &str) -> Result<usize> {
         let names = self.names(kind);
         let has_it = names.iter().position(|known| known.as_deref() == Some(name));
-        has_it
-            .or_else(|| self.nameless_id(kind, name))
-            .ok_or_else(|| unknown(&[kind], name, self.known(kind)))
+        has_it.or_else(|| self.nameless_id(kind, name)).ok_or_else(|| {
+            let known = self.known(kind);
+            let all_are_nameless = known.is_empty() && !names.is_empty();
+            let error = unknown(&[kind], name, known);
+            match all_are_nameless {
+                true => {
+                    error.with_hint(format!("no {} of the model has a name; give it one there", kind.word()))
+                }
+                false => error,
+            }
+        })
     }
 
     /// The id of a thing without a name that goes by `body 4` or the like.
@@ -481,7 +495,9 @@ impl Model {
 
 /// The MJCF files in the folder of a path.
 fn models_beside(path: &Path) -> String {
-    let entries = path.parent().and_then(|folder| std::fs::read_dir(folder).ok()).into_iter().flatten();
+    // That of a bare name is called "", and is the one that the user stands in.
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let entries = std::fs::read_dir(folder).into_iter().flatten();
     let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
     let mut names: Vec<String> = names.filter(|name| name.ends_with(".xml")).collect();
     names.sort();

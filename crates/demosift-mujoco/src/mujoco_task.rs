@@ -34,9 +34,11 @@ impl MujocoTask {
         let text = read(path)?;
         let load = |model: &str| {
             let model = beside(path, model);
-            if model.is_file() {
-                include::files_of(&model)?;
+            if !model.is_file() {
+                let hint = "`model` is relative to the folder of its task.toml";
+                return Model::from_file(&model).map_err(|error| error.with_hint(hint));
             }
+            include::files_of(&model)?;
             Model::from_file(&model)
         };
         Self::build(&text, load, None).map_err(|error| error.at(path))

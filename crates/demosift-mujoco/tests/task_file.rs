@@ -1,6 +1,7 @@
 //! What a user can get wrong in a task, and what they are told.
 
 use demosift::Error;
+use demosift_mujoco::model::Model;
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
 
@@ -398,6 +399,22 @@ fn a_wrong_model_is_named_with_the_reason() {
 }
 
 #[test]
+fn cameras_and_keyframes_without_a_name_are_not_said_to_be_missing() {
+    let keyed = MODEL.replace("</mujoco>", "<keyframe><key/></keyframe></mujoco>");
+    let nameless = keyed.replace("<camera name=\"front\"", "<camera");
+    for (line, hint) in [
+        ("camera = 'front'", "no camera of the model has a name; give it one there"),
+        ("reset = { keyframe = 'home' }", "no keyframe of the model has a name; give it one there"),
+    ] {
+        let error = load(&format!("{line}\n{TASK}"), &nameless).err().unwrap();
+        assert_eq!(error.hint(), Some(hint), "{error}");
+    }
+    let task = load(TASK, &nameless).unwrap();
+    assert_eq!((task.camera(), task.model().lacks_camera()), (None, Some("has no camera with a name")));
+    assert_eq!(load(TASK, MODEL).unwrap().model().lacks_camera(), None);
+}
+
+#[test]
 fn files_are_found_beside_each_other_and_errors_name_them() {
     let folder = std::env::temp_dir().join(format!("demosift-task-file-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
@@ -405,8 +422,14 @@ fn files_are_found_beside_each_other_and_errors_name_them() {
     let message = || registry::load(name).err().unwrap().to_string();
     assert!(message().contains("holds no task.toml"), "{}", message());
     std::fs::write(folder.join("task.toml"), TASK).unwrap();
-    assert!(message().contains("there is no such file"), "{}", message());
+    std::fs::write(folder.join("other.xml"), MODEL).unwrap();
+    assert!(message().contains("there is no such file; its folder has: other.xml"), "{}", message());
     assert!(message().ends_with("cart.xml"), "{}", message());
+    let error = registry::load(name).err().unwrap();
+    assert_eq!(error.hint(), Some("`model` is relative to the folder of its task.toml"));
+    // A model that is named alone has no task.toml.
+    let error = Model::from_file(&folder.join("cart.xml")).err().unwrap();
+    assert!(error.to_string().contains("its folder has: other.xml") && error.hint().is_none(), "{error}");
     std::fs::write(folder.join("cart.xml"), MODEL).unwrap();
     registry::load(name).unwrap();
     registry::load(folder.join("task.toml").to_str().unwrap()).unwrap();

@@ -360,8 +360,9 @@ impl<'c> Place<'c> {
         }
         let task = in_mujoco(chosen, "look at")?;
         let camera = arguments.camera.as_deref().or(task.camera()).ok_or_else(|| {
-            Error::bad_input(format!("the model of '{}' has no camera to look from", chosen.name))
-                .with_hint("add a <camera name=\"side\" .../> to it")
+            let why = task.model().lacks_camera().unwrap_or("has no camera");
+            Error::bad_input(format!("the model of '{}' {why} to look from", chosen.name))
+                .with_hint("wanted a <camera name=\"side\" .../> in it")
         })?;
         Ok(Self::InMujoco(task, Viewpoint::new(task, camera, width, height)?))
     }

@@ -109,10 +109,10 @@ pub fn look(task: &MujocoTask) -> (Seen, Vec<Finding>) {
             "if you want it to, add terms to `reward`, or `reward` to [success]; judging needs neither",
         ));
     }
-    if seen.cameras.is_empty() {
+    if let Some(why) = task.model().lacks_camera() {
         findings.push(Finding::warning(
-            "the model has no camera, so `demosift play` takes no pictures",
-            "add one to the model, such as <camera name=\"front\" pos=\"0 -2 1\" xyaxes=\"1 0 0 0 0.4 1\"/>",
+            format!("the model {why}, so `demosift play` takes no pictures"),
+            "wanted one in the model such as <camera name=\"front\" pos=\"0 -2 1\" xyaxes=\"1 0 0 0 0.4 1\"/>",
         ));
     }
     (seen, findings)
