@@ -21,6 +21,15 @@ fn demonstrations_are_told_in_the_order_in_which_they_are_named() {
     assert_eq!((&said["episodes"][4]["succeeded"], &said["unit"]), (&true.into(), &"m".into()));
 }
 
+#[test]
+fn a_set_of_one_demonstration_is_played() {
+    let scratch = Scratch::new("replay-one");
+    let said = scratch.succeed(&replay("--without 0,1,2,3,5,6,7"));
+    let rows: Vec<&str> = said.lines().filter(|line| line.starts_with("demonstration")).collect();
+    assert_eq!(rows.len(), 1, "{said}");
+    assert_eq!(rows[0].split_whitespace().collect::<Vec<_>>(), ["demonstration", "4", "60", "-0.082", "yes"]);
+}
+
 /// The policies of `record` and of `imitate`, on a task with a simulator and on one without.
 #[test]
 fn a_policy_plays_the_same_episodes_again_from_the_same_seed() {

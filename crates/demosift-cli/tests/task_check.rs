@@ -68,7 +68,8 @@ fn a_task_that_cannot_be_loaded_is_one_error_that_names_what_is_right() {
         ("qpos = 'slide'", "qpos = 'slid'", "did you mean 'slide'? the model has: slide"),
         ("frame_skip", "frameskip", "unknown key `frameskip`"),
         ("frame_skip", "frameskip", "did you mean `frame_skip`?"),
-        ("block.xml", "blok.xml", "relative to the folder of its task.toml, which has: block.xml"),
+        ("block.xml", "blok.xml", "there is no such file; its folder has: block.xml"),
+        ("block.xml", "blok.xml", "hint: `model` is relative to the folder of its task.toml"),
         ("heuristic = {", "# {", "missing key `heuristic`"),
         ("fold = 'last'", "fold = 'latest'", "did you mean `last`?"),
     ] {
@@ -197,6 +198,15 @@ fn an_episode_has_an_end() {
 }
 
 #[test]
+fn nothing_is_recorded_where_no_reward_says_what_to_learn() {
+    let scratch = with_task("record-without-reward", "reward = [{ measurement = 'x' }]\n", "");
+    let wanted = ["has no reward", "block", "\nhint: add terms to `reward`"];
+    scratch.refuse("record --task block --out run", &wanted);
+    scratch.refuse("record --task block --out run --dry-run", &wanted);
+    assert!(!scratch.0.join("run").exists());
+}
+
+#[test]
 fn a_first_task_file_is_written_that_the_check_accepts_and_nothing_is_written_over() {
     let scratch = Scratch::new("task-new");
     std::fs::create_dir_all(scratch.0.join("block")).unwrap();
@@ -218,4 +228,8 @@ fn a_first_task_file_is_written_that_the_check_accepts_and_nothing_is_written_ov
     scratch.succeed("task check elsewhere/new");
     let output = scratch.run("task new nowhere.xml");
     assert!(String::from_utf8(output.stderr).unwrap().contains("there is no such file"));
+    let output = scratch.command("task new blok.xml").current_dir(scratch.0.join("block")).output().unwrap();
+    let complaint = String::from_utf8(output.stderr).unwrap();
+    assert!(complaint.contains("there is no such file; its folder has: block.xml"), "{complaint}");
+    assert!(!complaint.contains("task.toml"), "{complaint}");
 }

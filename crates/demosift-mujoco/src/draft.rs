@@ -146,6 +146,9 @@ fn text(model: &Model, wanted: &Wanted<'_>, observed: &Observed, measured: &Meas
         (None, Some(_)) => ("not said by the set: see that it is right", "the longest episode of the set"),
         (None, None) => ("see that it is right", "see that it is right"),
     };
+    let key = model.names(Kind::Key).into_iter().flatten().next();
+    let start = if key.is_some() { "the first keyframe" } else { "the model" };
+    let keyframe = key.map_or(String::new(), |name| format!("keyframe = {}\n", toml::Value::from(name)));
     let other_size = wanted.set.and_then(|set| set.first()).map(|one| one.observations().width());
     let sizes = match other_size {
         Some(width) if width != observed.width => format!(
@@ -163,8 +166,8 @@ fn text(model: &Model, wanted: &Wanted<'_>, observed: &Observed, measured: &Meas
          frame_skip = {skip}   # steps of the physics of {timestep} s in a control step; {rate_of}\n\
          horizon = {horizon}   # control steps in an episode; {length_of}\n\n\
          # What the agent sees.\n{sizes}observation = [{parts}]\n\n\
-         # How an episode starts: as the model says, with a little noise.\n\
-         [reset]\nqpos_noise = {{ uniform = 0.01 }}\nqvel_noise = {{ uniform = 0.01 }}\n\n\
+         # How an episode starts: as {start} says, with a little noise.\n\
+         [reset]\n{keyframe}qpos_noise = {{ uniform = 0.01 }}\nqvel_noise = {{ uniform = 0.01 }}\n\n\
          # TODO: what is measured at every step; here {words}.\n\
          [measurements]\n{line}\n\n\
          # TODO: how good an episode was; higher is better.\n\

@@ -120,6 +120,7 @@ impl MujocoEnvironment {
             }
         }
         self.data.reset();
+        self.task.reset.write_beside(&mut self.data);
         self.data.qpos_mut().copy_from_slice(qpos);
         self.data.qvel_mut().copy_from_slice(qvel);
         Ok(())
@@ -285,6 +286,7 @@ impl Environment for MujocoEnvironment {
 
     fn reset(&mut self, variant: EnvVariant, seed: Seed, observation: &mut [f32], measurements: &mut [f32]) {
         self.data.reset();
+        self.task.reset.write_beside(&mut self.data);
         let (mut qpos, mut qvel) = (self.data.qpos().to_vec(), self.data.qvel().to_vec());
         self.task.reset.write(variant.0, seed, &mut qpos, &mut qvel);
         self.task.model.mujoco().normalize_quat(&mut qpos);

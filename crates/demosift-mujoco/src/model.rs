@@ -8,7 +8,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use demosift::{Error, Result};
-use mujoco_rs::prelude::{MjModel, MjtIntegrator, MjtJoint, MjtObjBase};
+use mujoco_rs::prelude::{MjModel, MjtEq, MjtIntegrator, MjtJoint, MjtObjBase, MjtTrn, MjtWrap};
 use mujoco_rs::wrappers::mj_auxiliary::MjVfs;
 
 use crate::names::instead;
@@ -134,10 +134,7 @@ impl Model {
         quiet();
         if !path.is_file() {
             let beside = models_beside(path);
-            return Err(Error::bad_input(format!(
-                "there is no such file; `model` is relative to the folder of its task.toml, which has: {beside}"
-            ))
-            .at(path));
+            return Err(Error::bad_input(format!("there is no such file; its folder has: {beside}")).at(path));
         }
         if path.to_str().is_none_or(|path| path.contains('\0')) {
             return Err(Error::bad_input("MuJoCo opens only paths that are valid UTF-8").at(path));
@@ -188,6 +185,15 @@ impl Model {
         self.names(Kind::Camera).into_iter().flatten().collect()
     }
 
+    /// Why nobody can look through one of its cameras, if nobody can.
+    pub fn lacks_camera(&self) -> Option<&'static str> {
+        match (self.0.ncam(), &self.cameras()[..]) {
+            (0, _) => Some("has no camera"),
+            (_, []) => Some("has no camera with a name"),
+            _ => None,
+        }
+    }
+
     /// What has no name, such as `geom 3`: bodies, joints, geoms, sites, cameras and actuators.
     pub fn nameless(&self) -> Vec<String> {
         let kinds = [Kind::Body, Kind::Joint, Kind::Geom, Kind::Site, Kind::Camera, Kind::Actuator];
@@ -196,6 +202,15 @@ impl Model {
             names.filter(|(_, name)| name.is_none()).map(move |(id, _)| format!("{} {id}", kind.word()))
         });
         nameless.collect()
+    }
+
+    /// What decides how a state goes on beside positions and velocities, where something does.
+    pub(crate) fn hidden_state(&self) -> Option<&'static str> {
+        if self.0.na() > 0 {
+            return Some("activations of actuators");
+        }
+        let is_delayed = self.0.actuator_history().iter().any(|[samples, _]| *samples > 0);
+        is_delayed.then_some("controls that act later")
     }
 
     /// Simulated seconds of one step of the physics.
@@ -232,9 +247,17 @@ impl Model {
     pub(crate) fn id(&self, kind: Kind, name: &str) -> Result<usize> {
         let names = self.names(kind);
         let has_it = names.iter().position(|known| known.as_deref() == Some(name));
-        has_it
-            .or_else(|| self.nameless_id(kind, name))
-            .ok_or_else(|| unknown(&[kind], name, self.known(kind)))
+        has_it.or_else(|| self.nameless_id(kind, name)).ok_or_else(|| {
+            let known = self.known(kind);
+            let all_are_nameless = known.is_empty() && !names.is_empty();
+            let error = unknown(&[kind], name, known);
+            match all_are_nameless {
+                true => {
+                    error.with_hint(format!("no {} of the model has a name; give it one there", kind.word()))
+                }
+                false => error,
+            }
+        })
     }
 
     /// The id of a thing without a name that goes by `body 4` or the like.
@@ -304,18 +327,55 @@ impl Model {
         names.map(|(id, name)| name.unwrap_or_else(|| format!("{} {id}", kind.word()))).collect()
     }
 
-    /// Which numbers of the position say where something stands: those of slide joints, and x and y of free ones.
+    /// Which numbers of the position only say where on the floor something stands, which the physics does not ask: x and y of free
+    /// joints, and slides that carry a body of the world over it.
     pub(crate) fn places(&self) -> Vec<usize> {
-        let kinds = self.0.jnt_type().iter().zip(self.0.jnt_qposadr());
-        let numbers = kinds.map(|(kind, at)| {
+        let joints = self.0.jnt_type().iter().zip(self.0.jnt_qposadr()).enumerate();
+        let numbers = joints.map(|(joint, (kind, at))| {
             let count = match kind {
-                MjtJoint::mjJNT_SLIDE => 1,
+                MjtJoint::mjJNT_SLIDE if self.is_level(joint) && self.is_loose(joint) => 1,
                 MjtJoint::mjJNT_FREE => 2,
-                MjtJoint::mjJNT_BALL | MjtJoint::mjJNT_HINGE => 0,
+                MjtJoint::mjJNT_SLIDE | MjtJoint::mjJNT_BALL | MjtJoint::mjJNT_HINGE => 0,
             };
             *at as usize..*at as usize + count
         });
         numbers.flatten().collect()
+    }
+
+    /// Whether a slide moves a body of the world, and no other one, sideways.
+    fn is_level(&self, joint: usize) -> bool {
+        const LEVEL: f64 = 1e-6;
+        let body = self.0.jnt_bodyid()[joint] as usize;
+        let [w, x, y, z] = self.0.body_quat()[body];
+        let [along, aside, up] = self.0.jnt_axis()[joint];
+        let rises = 2.0 * (x * z - w * y) * along
+            + 2.0 * (y * z + w * x) * aside
+            + (1.0 - 2.0 * (x * x + y * y)) * up;
+        // What a joint before it turns, it moves elsewhere.
+        let before = &self.0.jnt_type()[self.0.body_jntadr()[body] as usize..joint];
+        let is_turned = before.iter().any(|kind| *kind != MjtJoint::mjJNT_SLIDE);
+        self.0.body_parentid()[body] == 0 && !is_turned && rises.abs() < LEVEL
+    }
+
+    /// Whether nothing holds a joint anywhere: no limit, spring, actuator, tendon or equality.
+    fn is_loose(&self, joint: usize) -> bool {
+        let is_it = |id: &i32| *id as usize == joint;
+        let is_sprung = self.0.jnt_stiffness()[joint] != 0.0
+            || self.0.jnt_stiffnesspoly()[joint].iter().any(|factor| *factor != 0.0);
+        let is_driven =
+            self.0.actuator_trntype().iter().zip(self.0.actuator_trnid()).any(|(kind, [id, _])| {
+                matches!(kind, MjtTrn::mjTRN_JOINT | MjtTrn::mjTRN_JOINTINPARENT) && is_it(id)
+            });
+        let mut of_tendons = self.0.wrap_type().iter().zip(self.0.wrap_objid());
+        let is_tied = of_tendons.any(|(kind, id)| *kind == MjtWrap::mjWRAP_JOINT && is_it(id));
+        let pairs = self.0.eq_obj1id().iter().zip(self.0.eq_obj2id());
+        let is_equal = self
+            .0
+            .eq_type()
+            .iter()
+            .zip(pairs)
+            .any(|(kind, (one, other))| *kind == MjtEq::mjEQ_JOINT && (is_it(one) || is_it(other)));
+        !(self.0.jnt_limited()[joint] || is_sprung || is_driven || is_tied || is_equal)
     }
 
     /// The joint with this name.
@@ -327,20 +387,25 @@ impl Model {
         Ok(self.joints().swap_remove(id))
     }
 
+    /// The body with this name; it may have `body:` before it.
+    ///
+    /// # Errors
+    /// If there is none; lists the bodies there are.
+    pub(crate) fn body(&self, name: &str) -> Result<usize> {
+        self.id(Kind::Body, name.strip_prefix("body:").unwrap_or(name))
+    }
+
     /// The site, geom or body with this name; `site:`, `geom:` or `body:` before it says which.
     ///
     /// # Errors
     /// If nothing has the name, or more than one thing.
     pub(crate) fn point(&self, name: &str) -> Result<Point> {
-        if let Some((prefix, name)) = name.split_once(':') {
-            return match prefix {
-                "site" => self.id(Kind::Site, name).map(Point::Site),
-                "geom" => self.id(Kind::Geom, name).map(Point::Geom),
-                "body" => self.id(Kind::Body, name).map(Point::Body),
-                _ => Err(Error::bad_config(format!(
-                    "'{prefix}:' is not a kind of place; there are: site:, geom:, body:"
-                ))),
-            };
+        // A name may hold a colon itself, such as that of a part which was attached under a prefix.
+        match name.split_once(':') {
+            Some(("site", name)) => return self.id(Kind::Site, name).map(Point::Site),
+            Some(("geom", name)) => return self.id(Kind::Geom, name).map(Point::Geom),
+            Some(("body", _)) => return self.body(name).map(Point::Body),
+            _ => {}
         }
         let found: Vec<Point> = [
             self.id(Kind::Site, name).ok().map(Point::Site),
@@ -383,24 +448,46 @@ impl Model {
         Err(Error::bad_config(format!("the body '{name}' has no geoms, so it touches nothing")))
     }
 
+    /// What each control is called, in order: as its actuator, or `servo[0]`, `servo[1]` where that takes several.
+    pub(crate) fn controls(&self) -> Vec<String> {
+        let mut controls = vec![String::new(); self.0.nu() as usize];
+        let places = self.0.actuator_ctrladr().iter().zip(self.0.actuator_ctrlnum());
+        for (name, (first, count)) in self.called(Kind::Actuator).into_iter().zip(places) {
+            for number in 0..*count {
+                let called = if *count == 1 { name.clone() } else { format!("{name}[{number}]") };
+                controls[(first + number) as usize] = called;
+            }
+        }
+        controls
+    }
+
     /// The range of each control.
     ///
     /// # Errors
     /// If an actuator has no `ctrlrange`: then [−1, 1] would mean nothing.
     pub(crate) fn control_ranges(&self) -> Result<Vec<[f64; 2]>> {
         let limited = self.0.actuator_ctrllimited();
-        let without = self.called(Kind::Actuator).into_iter().zip(limited).filter(|(_, limited)| !**limited);
+        let without = self.controls().into_iter().zip(limited).filter(|(_, limited)| !**limited);
         let without: Vec<String> = without.map(|(name, _)| name).collect();
         if let [first, rest @ ..] = &without[..] {
             let others =
                 if rest.is_empty() { String::new() } else { format!(" (nor have: {})", rest.join(", ")) };
-            return Err(Error::bad_input(format!(
+            let error = Error::bad_input(format!(
                 "the actuator {first} has no ctrlrange{others}; every actuator needs one, such as ctrlrange=\"-1 1\", since \
                  actions in [-1, 1] are scaled to it"
-            )));
+            ));
+            let takes_several = self.0.actuator_ctrlnum().iter().any(|count| *count > 1);
+            return Err(match takes_several {
+                true => error.with_hint(
+                    "an actuator of several inputs takes a range for each, such as posrange, velrange and ffrange of <pid>",
+                ),
+                false => error,
+            });
         }
         if limited.is_empty() {
-            return Err(Error::bad_input("the model has no actuators; an agent needs at least one"));
+            return Err(Error::bad_input(
+                "the model has no actuators that take a control; an agent needs at least one",
+            ));
         }
         Ok(self.0.actuator_ctrlrange().to_vec())
     }
@@ -408,7 +495,9 @@ impl Model {
 
 /// The MJCF files in the folder of a path.
 fn models_beside(path: &Path) -> String {
-    let entries = path.parent().and_then(|folder| std::fs::read_dir(folder).ok()).into_iter().flatten();
+    // That of a bare name is called "", and is the one that the user stands in.
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let entries = std::fs::read_dir(folder).into_iter().flatten();
     let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
     let mut names: Vec<String> = names.filter(|name| name.ends_with(".xml")).collect();
     names.sort();

@@ -34,9 +34,11 @@ impl MujocoTask {
         let text = read(path)?;
         let load = |model: &str| {
             let model = beside(path, model);
-            if model.is_file() {
-                include::files_of(&model)?;
+            if !model.is_file() {
+                let hint = "`model` is relative to the folder of its task.toml";
+                return Model::from_file(&model).map_err(|error| error.with_hint(hint));
             }
+            include::files_of(&model)?;
             Model::from_file(&model)
         };
         Self::build(&text, load, None).map_err(|error| error.at(path))
@@ -165,6 +167,13 @@ impl MujocoTask {
     /// The camera that shows the task best, if the model has cameras.
     pub fn camera(&self) -> Option<&str> {
         self.0.camera.as_deref()
+    }
+
+    /// Whether the task says on what reward a demonstrator is trained.
+    pub fn has_reward(&self) -> bool {
+        let blueprint = &self.0;
+        let pays = blueprint.success.as_ref().is_some_and(|success| success.reward != 0.0);
+        pays || !blueprint.terms.is_empty() || blueprint.shaping.is_some()
     }
 
     /// Steps of the physics in a control step.

@@ -8,7 +8,7 @@ use demosift::data::demonstration::{Demonstration, DemonstrationSet};
 use demosift::data::trajectory::StateLog;
 use demosift::math::rows::Rows;
 use demosift::world::environment::{EnvVariant, Environment as _, Task as _};
-use demosift_mujoco::check::{self, Finding, Recorded, Severity, StatesFrom};
+use demosift_mujoco::check::{self, Finding, Presented, Recorded, Severity, StatesFrom};
 use demosift_mujoco::mujoco_task::MujocoTask;
 use rand::RngExt as _;
 
@@ -138,7 +138,8 @@ fn each_mistake_in_a_task_is_found() {
             Warning,
             "`demosift record` has nothing",
         ),
-        ("<camera name=\"above\" pos=\"0 0 1\"/>", "", Warning, "no camera"),
+        ("<camera name=\"above\" pos=\"0 0 1\"/>", "", Warning, "the model has no camera, so"),
+        ("<camera name=\"above\" pos", "<camera pos", Warning, "the model has no camera with a name, so"),
         ("frame_skip = 4", "frame_skip = 40", Warning, "a control step of 0.4000 s is unusual"),
         ("horizon = 40", "horizon = 4", Warning, "an episode of 4 control steps (0.16 s) is unusual"),
         ("joint=\"elbow\" gear=\"0.1\"", "joint=\"elbow\" gear=\"0\"", Warning, "observed or measured: bend"),
@@ -153,6 +154,12 @@ fn each_mistake_in_a_task_is_found() {
             "of = \"reach\"\nabove = 0",
             Warning,
             "every random episode is a success",
+        ),
+        (
+            "<joint name=\"elbow\"/>",
+            "<joint name=\"elbow\" range=\"30 150\"/>",
+            Warning,
+            "joints start outside of their ranges: elbow at 0.000, range 0.524 to 2.618: start within them",
         ),
         (
             "[\"hand\", \"target\"]",
@@ -186,6 +193,36 @@ fn each_mistake_in_a_task_is_found() {
         };
         assert_found(&findings, severity, part);
     }
+}
+
+#[test]
+fn each_control_of_an_actuator_that_takes_several_is_named_with_its_own_range() {
+    let motor = "<motor name=\"bend\" joint=\"elbow\" gear=\"0.1\" ctrlrange=\"-2 2\"/>";
+    let servo = "<pid name=\"bend\" joint=\"elbow\" kp=\"1\" kv=\"0.1\" input=\"pos vel\" posrange=\"-1 1\" velrange=\"-3 3\"/>\
+         <motor name=\"none\" joint=\"elbow\" gear=\"0\" ctrlrange=\"-2 2\"/>";
+    let task = load(TASK, &MODEL.replace(motor, servo));
+    let (seen, _) = check::look(&task);
+    let named = seen.actuators.iter().map(|one| format!("{} {} {}", one.name, one.low, one.high));
+    assert_eq!(named.collect::<Vec<_>>(), ["push -1 1", "bend[0] -1 1", "bend[1] -3 3", "none -2 2"]);
+    assert_eq!(check::play(&task, &Seed::new(0)).unwrap().0.without_effect, ["none"]);
+    let model = MODEL.replace(motor, &servo.replace(" velrange=\"-3 3\"", ""));
+    let error = MujocoTask::from_texts(TASK, &[("arm.xml", &model)], None).err().unwrap();
+    assert!(error.to_string().contains("the actuator bend[1] has no ctrlrange;"), "{error}");
+    assert!(error.hint().unwrap().contains("velrange"), "{error}");
+}
+
+#[test]
+fn a_start_is_held_against_the_ranges_of_joints_without_its_noise_and_for_each_variant() {
+    let limited = MODEL.replace("<joint name=\"elbow\"/>", "<joint name=\"elbow\" range=\"0 90\"/>");
+    let words = |task: &str| {
+        let (_, findings) = check::play(&load(task, &limited), &Seed::new(0)).unwrap();
+        let found = findings.iter().find(|one| one.message.contains("outside of their ranges"));
+        found.map(|one| one.message.clone())
+    };
+    assert_eq!(words(TASK), None, "at the end of the range, from where noise leads out of it");
+    let variants = "[[variant]]\nname = \"bent\"\nqpos = { elbow = 1.571 }\n[[variant]]\nname = \"over\"\nqpos = { elbow = 2 }";
+    let wanted = "joints start outside of their ranges: elbow at 2.000, range 0.000 to 1.571 under 'over'";
+    assert_eq!(words(&format!("{TASK}\n{variants}")).as_deref(), Some(wanted));
 }
 
 /// Three episodes of random actions with their states, as `task` plays them.

@@ -53,3 +53,23 @@ fn a_set_tells_length_rate_and_which_positions_are_left_out() {
     assert_eq!(draft.fits, Some(false));
     assert!(draft.text.contains("holds 3 numbers in an observation, and this has 18"), "{}", draft.text);
 }
+
+#[test]
+fn a_model_with_keyframes_starts_in_the_first_that_has_a_name() {
+    let model = r#"
+<mujoco>
+  <worldbody>
+    <body name="arm"><joint name="elbow" axis="0 1 0" range="30 150" damping="1"/><geom size="0.1" pos="0.2 0 0"/></body>
+  </worldbody>
+  <actuator><motor name="bend" joint="elbow" gear="9" ctrlrange="-1 1"/></actuator>
+  <keyframe><key qpos="2"/><key name="the 'home'" qpos="1.5"/><key name="other" qpos="1"/></keyframe>
+</mujoco>"#;
+    let model = Model::from_texts("arm.xml", &[("arm.xml", model)]).unwrap();
+    let wanted = Wanted { name: "first", model_file: "arm.xml", set: None, steps_per_sec: None };
+    let text = draft(&model, &wanted).unwrap().text;
+    let written: toml::Table = toml::from_str(&text).unwrap();
+    assert_eq!(written["reset"]["keyframe"].as_str(), Some("the 'home'"), "{text}");
+    let cheetah = Model::from_file(&in_repository("tasks/half_cheetah/half_cheetah.xml")).unwrap();
+    let still = draft(&cheetah, &wanted).unwrap().text;
+    assert!(still.contains("as the model says") && !still.contains("keyframe"), "{still}");
+}

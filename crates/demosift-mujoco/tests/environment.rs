@@ -224,6 +224,52 @@ fn variants_and_keyframes_and_values_set_the_start_and_noise_spares_the_excepted
 }
 
 #[test]
+fn a_keyframe_sets_activations_and_mocap_bodies_too_at_every_start() {
+    // A filter that hardly moves within a step, so that its activation is the force.
+    let model = r#"
+<mujoco>
+  <option timestep="0.01" gravity="0 0 0"/>
+  <worldbody>
+    <body name="mark" mocap="true"><geom name="mark" size="0.1" contype="0" conaffinity="0"/></body>
+    <body name="cart"><joint name="slider" type="slide" axis="1 0 0"/><geom name="box" size="0.1" mass="2"/></body>
+  </worldbody>
+  <actuator>
+    <general name="push" joint="slider" dyntype="filter" dynprm="1e6" gainprm="1" ctrlrange="-2 2"/>
+  </actuator>
+  <keyframe>
+    <key name="other" qpos="9"/>
+    <key name="pushed" act="1" mpos="1 2 3" mquat="0 1 0 0"/>
+  </keyframe>
+</mujoco>"#;
+    let text = r#"
+name = "cart"
+model = "cart.xml"
+frame_skip = 1
+horizon = 4
+observation = [{ qpos = "all" }, { position = ["body:mark"] }]
+reset = { keyframe = "pushed" }
+measurements = { x = { qpos = "slider" } }
+heuristic = { fold = "max", of = "x" }
+"#;
+    let task = MujocoTask::from_texts(text, &[("cart.xml", model)], None).unwrap();
+    let (mut environment, mut buffers) = start(&task, 0);
+    let assert_pushed = |environment: &mut MujocoEnvironment, buffers: &mut Buffers| {
+        environment.observe(&mut buffers.observation, &mut buffers.measurements);
+        assert_eq!(buffers.observation, [0.0, 1.0, 2.0, 3.0]);
+        environment.step(&[0.0], &mut buffers.observation, &mut buffers.measurements);
+        // 1 N on 2 kg for 0.01 s.
+        assert!((environment.qvel()[0] - 0.005).abs() < 1e-6, "{}", environment.qvel()[0]);
+        environment.step(&[-1.0], &mut buffers.observation, &mut buffers.measurements);
+    };
+    assert_pushed(&mut environment, &mut buffers);
+    environment.set_state(&[0.0], &[0.0]).unwrap();
+    assert_pushed(&mut environment, &mut buffers);
+    let plain = text.replace("reset = { keyframe = \"pushed\" }\n", "");
+    let (plain, buffers) = start(&MujocoTask::from_texts(&plain, &[("cart.xml", model)], None).unwrap(), 0);
+    assert_eq!((plain.qpos()[0], &buffers.observation[1..]), (0.0, &[0.0; 3][..]));
+}
+
+#[test]
 fn the_task_reward_adds_terms_shaping_and_success_once() {
     let text = TASK.replace("qpos_noise", "# qpos_noise");
     let task =

@@ -10,6 +10,7 @@ mod check;
 mod draft;
 mod early_end;
 mod environment;
+mod fatal;
 mod free_throw;
 mod half_cheetah;
 mod handstand;

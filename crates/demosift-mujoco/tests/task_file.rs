@@ -1,6 +1,7 @@
 //! What a user can get wrong in a task, and what they are told.
 
 use demosift::Error;
+use demosift_mujoco::model::Model;
 use demosift_mujoco::mujoco_task::MujocoTask;
 use demosift_mujoco::registry;
 
@@ -104,7 +105,11 @@ fn each_mistake_is_named_with_what_would_have_been_right() {
             r#"{ height = "hat" }"#,
             &["no site or geom or body is called 'hat'", "leather"],
         ),
-        (r#"{ qpos = "slider" }"#, r#"{ height = "hat:cart" }"#, &["'hat:' is not a kind of place"]),
+        (
+            r#"{ qpos = "slider" }"#,
+            r#"{ height = "hat:cart" }"#,
+            &["no site or geom or body is called 'hat:cart'", "did you mean 'cart'?"],
+        ),
         (r#"{ qpos = "slider" }"#, r#"{ contact = ["floor", "site:cart"] }"#, &["sites touch nothing"]),
         (r#"{ qpos = "slider" }"#, r#"{ distance = ["floor"] }"#, &["array of length 2"]),
         (
@@ -340,6 +345,47 @@ fn a_part_without_a_name_can_be_named_as_it_is_listed() {
 }
 
 #[test]
+fn names_may_hold_colons_and_a_kind_before_them_says_which_is_meant() {
+    // As parts are called that were attached under a prefix.
+    let model = MODEL.replace("name=\"cart\"", "name=\"robot0:cart\"").replace("\"box\"", "\"robot0:box\"");
+    let task = |measured: &str| TASK.replace("{ qpos = \"slider\" }", measured);
+    for measured in [
+        "{ distance = ['robot0:box', 'ball'] }",
+        "{ height = 'robot0:box' }",
+        "{ position = { of = 'site:robot0:cart', axis = 'x' } }",
+        "{ velocity = { of = 'body:robot0:cart', axis = 'x' } }",
+        "{ contact = ['geom:robot0:box', 'floor'] }",
+    ] {
+        load(&task(measured), &model).unwrap();
+    }
+    let error = load(&task("{ height = 'robot0:boks' }"), &model).err().unwrap().to_string();
+    assert!(error.contains("no site or geom or body is called 'robot0:boks'; did you mean"), "{error}");
+    let error = load(&task("{ height = 'robot0:cart' }"), &model).err().unwrap().to_string();
+    assert!(error.contains("names more than one thing; write site:robot0:cart"), "{error}");
+    let seen = |part: &str| TASK.replace("\"phase\"", part);
+    for part in [
+        "{ contact_wrench = ['robot0:cart', 'body:robot0:cart[3:]', 'body:ball'] }",
+        "{ position = ['robot0:box[2:]'] }",
+        "{ velocity = ['body:robot0:cart'] }",
+    ] {
+        load(&seen(part), &model).unwrap();
+    }
+    let error = load(&seen("{ contact_wrench = ['site:robot0:cart'] }"), &model).err().unwrap().to_string();
+    assert!(error.contains("no body is called 'site:robot0:cart'"), "{error}");
+}
+
+#[test]
+fn a_reward_may_be_terms_or_success_and_need_not_be_there() {
+    let has = |more: &str| load(&format!("{TASK}\n{more}"), MODEL).unwrap().has_reward();
+    let success = "[success]\nfold = 'max'\nof = 'x'\nabove = 1.0\n";
+    assert!(!has("") && !has(success));
+    assert!(has(&format!("{success}reward = 2.0")));
+    let terms = TASK.replace("[measurements]", "reward = [{ constant = 1.0 }]\n[measurements]");
+    assert!(load(&terms, MODEL).unwrap().has_reward());
+    assert!(registry::load("free_throw").unwrap().has_reward(), "its reward is written in Rust");
+}
+
+#[test]
 fn a_wrong_model_is_named_with_the_reason() {
     let error = load(TASK, "<mujoco><worldbody><body name='a'></mujoco>").err().unwrap();
     assert!(error.to_string().contains("MuJoCo rejects the model"), "{error}");
@@ -353,6 +399,22 @@ fn a_wrong_model_is_named_with_the_reason() {
 }
 
 #[test]
+fn cameras_and_keyframes_without_a_name_are_not_said_to_be_missing() {
+    let keyed = MODEL.replace("</mujoco>", "<keyframe><key/></keyframe></mujoco>");
+    let nameless = keyed.replace("<camera name=\"front\"", "<camera");
+    for (line, hint) in [
+        ("camera = 'front'", "no camera of the model has a name; give it one there"),
+        ("reset = { keyframe = 'home' }", "no keyframe of the model has a name; give it one there"),
+    ] {
+        let error = load(&format!("{line}\n{TASK}"), &nameless).err().unwrap();
+        assert_eq!(error.hint(), Some(hint), "{error}");
+    }
+    let task = load(TASK, &nameless).unwrap();
+    assert_eq!((task.camera(), task.model().lacks_camera()), (None, Some("has no camera with a name")));
+    assert_eq!(load(TASK, MODEL).unwrap().model().lacks_camera(), None);
+}
+
+#[test]
 fn files_are_found_beside_each_other_and_errors_name_them() {
     let folder = std::env::temp_dir().join(format!("demosift-task-file-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
@@ -360,8 +422,14 @@ fn files_are_found_beside_each_other_and_errors_name_them() {
     let message = || registry::load(name).err().unwrap().to_string();
     assert!(message().contains("holds no task.toml"), "{}", message());
     std::fs::write(folder.join("task.toml"), TASK).unwrap();
-    assert!(message().contains("there is no such file"), "{}", message());
+    std::fs::write(folder.join("other.xml"), MODEL).unwrap();
+    assert!(message().contains("there is no such file; its folder has: other.xml"), "{}", message());
     assert!(message().ends_with("cart.xml"), "{}", message());
+    let error = registry::load(name).err().unwrap();
+    assert_eq!(error.hint(), Some("`model` is relative to the folder of its task.toml"));
+    // A model that is named alone has no task.toml.
+    let error = Model::from_file(&folder.join("cart.xml")).err().unwrap();
+    assert!(error.to_string().contains("its folder has: other.xml") && error.hint().is_none(), "{error}");
     std::fs::write(folder.join("cart.xml"), MODEL).unwrap();
     registry::load(name).unwrap();
     registry::load(folder.join("task.toml").to_str().unwrap()).unwrap();

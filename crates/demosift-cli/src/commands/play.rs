@@ -175,8 +175,10 @@ fn replay(chosen: &Chosen, data: &Path, arguments: &PlayArguments) -> Result<Vec
         return replay_in_python(&simulated.task, data, arguments);
     }
     let task = in_mujoco(chosen, "replay")?;
+    // Nothing is chosen among them, so one is enough.
+    let how = SetArguments::of(&arguments.storage);
     let Demonstrations { set, source, path, .. } =
-        &demonstrations::open(Some(data), &SetArguments::of(&arguments.storage), None, Some(chosen))?;
+        &demonstrations::open_of_any_size(Some(data), &how, None, Some(chosen))?;
     let states = demonstration::open::read_states(path, Some(source.format))?.ok_or_else(|| {
         let what = "the set holds no states of the simulator, 'infos/qpos' and 'infos/qvel', to replay from";
         Error::bad_input(what).at(path).with_hint(
@@ -358,8 +360,9 @@ impl<'c> Place<'c> {
         }
         let task = in_mujoco(chosen, "look at")?;
         let camera = arguments.camera.as_deref().or(task.camera()).ok_or_else(|| {
-            Error::bad_input(format!("the model of '{}' has no camera to look from", chosen.name))
-                .with_hint("add a <camera name=\"side\" .../> to it")
+            let why = task.model().lacks_camera().unwrap_or("has no camera");
+            Error::bad_input(format!("the model of '{}' {why} to look from", chosen.name))
+                .with_hint("wanted a <camera name=\"side\" .../> in it")
         })?;
         Ok(Self::InMujoco(task, Viewpoint::new(task, camera, width, height)?))
     }

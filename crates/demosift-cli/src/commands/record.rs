@@ -187,6 +187,15 @@ fn check(recording: &Recording, plan: &Request) -> Result<()> {
     }
     if let Some(training) = &recording.demonstrator {
         experiment::check_demonstrator(training)?;
+        if plan.chosen.mujoco.as_ref().is_some_and(|task| !task.has_reward()) {
+            return Err(Error::bad_config(format!(
+                "the task '{}' has no reward, so there is nothing to train a demonstrator on",
+                plan.chosen.name
+            ))
+            .with_hint(
+                "add terms to `reward` in its task.toml, or `reward` to [success]; --demonstrator records one that is trained",
+            ));
+        }
     }
     if let Some(source) = &recording.recorded_from {
         if (&source.task, &source.task()?.sha256) != (&plan.chosen.name, &plan.chosen.sha256) {

@@ -133,14 +133,13 @@ fn users_own(path: &Path) -> Result<Chosen> {
     }
     let task = registry::load(name)?;
     let folder = if absolute.is_dir() { absolute.as_path() } else { absolute.parent().unwrap_or(&absolute) };
-    let values_file = folder.join(VALUES_FILE);
-    let values = if values_file.exists() {
-        Layer::from_file(&values_file)?
-    } else {
-        Layer::from_text(VALUES_FILE, "")?
+    let values_file = Some(folder.join(VALUES_FILE)).filter(|path| path.exists());
+    let values = match &values_file {
+        Some(path) => Layer::from_file(path)?,
+        None => Layer::from_text(VALUES_FILE, "")?,
     };
     let mujoco = Some(task);
-    let sha256 = Some(hash_of(folder, &absolute)?);
+    let sha256 = Some(hash_of(&absolute, values_file.as_deref())?);
     Ok(Chosen {
         task: playable(mujoco.as_ref()),
         mujoco,
@@ -187,16 +186,10 @@ impl Chosen {
     }
 }
 
-/// Hash of the task file, of all that lies beside it, and of what its model includes from other folders.
-fn hash_of(folder: &Path, task: &Path) -> Result<String> {
-    let failed = |error: std::io::Error| Error::io("cannot look into the task's folder", folder, &error);
-    let mut paths = std::fs::read_dir(folder)
-        .and_then(|entries| {
-            entries.map(|entry| entry.map(|entry| entry.path())).collect::<std::io::Result<Vec<_>>>()
-        })
-        .map_err(failed)?;
-    paths.retain(|path| path.extension().is_some_and(|extension| extension == "xml" || extension == "toml"));
-    paths.extend(registry::files(task)?);
+/// Hash of the files that the task reads, and of its configuration values; what else lies beside them changes nothing.
+fn hash_of(task: &Path, values: Option<&Path>) -> Result<String> {
+    let mut paths = registry::files(task)?;
+    paths.extend(values.map(Path::to_owned));
     paths.sort();
     paths.dedup();
     files::sha256(&paths)
@@ -246,6 +239,31 @@ mod tests {
             let config: Config = configuration::typed(configuration::of_job(values)).unwrap();
             assert_eq!(config.inner.alphas, wanted, "{name}");
         }
+    }
+
+    #[test]
+    fn the_hash_counts_what_the_task_reads_and_nothing_else_that_lies_there() {
+        let folder = std::env::temp_dir().join(format!("demosift-task-hash-of-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
+        let cart = CART.replace("mujocoinclude", "mujoco");
+        let values = "[inner]\nbatch_steps = 120\n";
+        write("task.toml", TASK);
+        write("cart.xml", &cart);
+        let hash = || choose(folder.to_str().unwrap()).unwrap().sha256.unwrap();
+        assert_eq!(hash(), files::sha256_of(format!("{cart}{TASK}").as_bytes()), "as it always was");
+        let alone = hash();
+        write("pyproject.toml", "[project]\n");
+        write("scene.xml", "<mujoco/>");
+        // As an editor locks a file that it changes.
+        #[cfg(unix)]
+        std::os::unix::fs::symlink("user@host.1234", folder.join(".#task.toml")).unwrap();
+        assert_eq!(hash(), alone);
+        write(VALUES_FILE, values);
+        assert_eq!(hash(), files::sha256_of(format!("{cart}{values}{TASK}").as_bytes()));
+        write("task.toml", &TASK.replace("horizon = 2", "horizon = 3"));
+        assert_ne!(hash(), files::sha256_of(format!("{cart}{values}{TASK}").as_bytes()));
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]

@@ -12,7 +12,7 @@ use super::Drift;
 pub enum StatesFrom {
     /// The set holds them.
     Recording,
-    /// The task observes every velocity, and every position but those of slides, such as how far a runner has come.
+    /// The task observes every velocity, and every position but where on the floor something stands, such as how far a runner has come.
     Observations,
     /// They are not known, so nothing is played again.
     Nowhere,

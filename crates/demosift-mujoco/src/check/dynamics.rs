@@ -12,6 +12,7 @@ use super::explained::{Explained, percent_missed};
 use super::known::{Known, Numbers};
 use super::{Finding, LOOKED_AT, in_first, looked_at};
 use crate::environment::MujocoEnvironment;
+use crate::mujoco_task::MujocoTask;
 
 /// Positions of a replay may differ by this much, rad or m, before it counts as having left the recording.
 pub(super) const LEFT: f64 = 0.01;
@@ -137,6 +138,15 @@ pub(super) fn misses(
     let most = first_steps(episodes).unwrap_or(usize::MAX);
     let each = episodes.iter().map(|episode| missed(environment, &[*episode], taken, most));
     each.collect()
+}
+
+/// Why no recorded step can be played by itself, where positions and velocities do not decide how a state goes on.
+pub(super) fn undecided(task: &MujocoTask) -> Option<Finding> {
+    let more = task.model().hidden_state()?;
+    Some(Finding::fine(format!(
+        "a state of the model also holds {more}, which no recording tells, so no recorded step is played by itself: what an \
+         action leads to is not compared"
+    )))
 }
 
 fn first_steps(episodes: &[Episode<'_>]) -> Option<usize> {

@@ -5,6 +5,7 @@
 //! What is found comes with the lines of a `set.toml` that would mend it.
 
 use demosift::Result;
+use demosift::data::demonstration::Demonstration;
 use demosift::data::demonstration::set_file::{Each, Meaning, SetFile, Unit, Units};
 use demosift::data::demonstration::timing::Timing;
 use demosift::data::trajectory::StateLog;
@@ -64,20 +65,25 @@ pub fn fit(
     if sizes != Some((specification.observation_size, specification.action_size)) {
         return Ok(of_time(specification, mujoco, presented, &Physics::default()));
     }
-    let physics = match mujoco {
-        Some(task) => physics(task, presented)?,
-        None => Physics::default(),
+    let undecided = mujoco.and_then(dynamics::undecided);
+    let mut physics = match mujoco {
+        Some(task) if undecided.is_none() => physics(task, presented)?,
+        _ => Physics::default(),
     };
-    let mut physics = physics;
     let seen = match (mujoco, presented.states) {
-        (Some(task), Some(states)) if physics.missed.is_some() => observations(task, presented, states)?,
+        (Some(task), Some(states))
+            if physics.missed.is_some()
+                || undecided.is_some() && are_states_of(task, presented.set, states) =>
+        {
+            observations(task, presented, states)?
+        }
         _ => None,
     };
     physics.are_observations_explained = seen.as_ref().is_some_and(|finding| finding.lines.is_some())
         || physics.mend().is_some_and(|mend| !mend.observations.is_none());
     let mut findings: Vec<Finding> = seen.into_iter().collect();
     findings.extend(beside(specification, mujoco, presented, &physics));
-    findings.extend(steps(&physics, presented));
+    findings.extend(undecided.or_else(|| steps(&physics, presented)));
     Ok(findings)
 }
 
@@ -123,14 +129,16 @@ pub(super) fn beside(
     findings
 }
 
+/// Whether states are as many as the set has and as the model takes.
+fn are_states_of(task: &MujocoTask, set: &[Demonstration], states: &[StateLog]) -> bool {
+    states.len() == set.len()
+        && states.iter().zip(set).all(|(log, one)| replay::Replay::new(task, log, one.steps()).is_ok())
+}
+
 /// Plays some steps of a set, and looks for what explains it if they lead elsewhere.
 fn physics(task: &MujocoTask, presented: &Presented<'_>) -> Result<Physics> {
     let Presented { set, recorded, states, .. } = *presented;
-    let fits = |logs: &[StateLog]| {
-        logs.len() == set.len()
-            && logs.iter().zip(set).all(|(log, one)| replay::Replay::new(task, log, one.steps()).is_ok())
-    };
-    if states.is_some_and(|logs| !fits(logs)) {
+    if states.is_some_and(|states| !are_states_of(task, set, states)) {
         return Ok(Physics::default());
     }
     let missed = mending::missed_as_it_is(task, set, states)?;

@@ -198,10 +198,10 @@ fn times_reached(rows: &Rows, column: usize, extreme: f32) -> usize {
     (0..rows.len()).filter(|&row| is_there(row) && (row == 0 || !is_there(row - 1))).count()
 }
 
-/// The states out of observations that hold every velocity, and every position but those that say where something stands.
+/// The states out of observations that hold every velocity, and every position but those that only say where something stands.
 ///
-/// Where a slide or the root of a body stands hardly ever matters to the physics: a runner runs everywhere alike. Unknown
-/// ones stand at 0.
+/// Where on the floor a robot stands does not matter to the physics: a runner runs everywhere alike. Unknown such places are 0;
+/// where any other position is unknown, so are the states.
 pub(super) fn states_in_observations(
     task: &MujocoTask,
     set: &[Demonstration],

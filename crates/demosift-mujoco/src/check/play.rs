@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use super::{Finding, first_few, several};
 use crate::environment::MujocoEnvironment;
-use crate::model::Kind;
+use crate::model::{Axis, Kind};
 use crate::mujoco_task::MujocoTask;
 use crate::task::measurement::Measurement;
 
@@ -28,6 +28,9 @@ const FEWEST: usize = 4;
 const PUSHED: usize = 10;
 /// How far geoms may be inside each other as an episode starts, m: more is thrown apart by the physics.
 const DEEP: f64 = 0.02;
+
+/// How far outside of its range a joint may start, rad or m: keyframes are written with few digits.
+const OUTSIDE: f64 = 1e-3;
 
 /// The result of random actions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -140,12 +143,14 @@ pub fn play(task: &MujocoTask, seed: &Seed) -> Result<(Tried, Vec<Finding>)> {
     });
     let overlaps = (0..variants).flat_map(|variant| overlaps(&mut environment, seed, variant));
     let overlaps: Vec<String> = overlaps.collect();
+    let outside: Vec<String> = (0..variants).flat_map(|variant| starts_outside(task, variant)).collect();
     let without_effect = without_effect(task, &mut environment, seed);
     let played = sum_up(task, &episodes, length);
     let tried = 2 * PUSHED * specification.action_size;
     let steps_in_all = played.steps + again.iter().map(Episode::steps).sum::<usize>() + tried;
     let played = Tried { without_effect, repeats, steps_in_all, ..played };
-    let mut findings = findings(task, &played, &overlaps);
+    let warned = episodes.iter().filter(|episode| !episode.warnings.is_empty()).count();
+    let mut findings = findings(task, &played, &Odd { warned, overlaps, outside });
     findings.extend(ends(task, &episodes));
     Ok((played, findings))
 }
@@ -212,17 +217,34 @@ fn overlaps(environment: &mut MujocoEnvironment, seed: &Seed, variant: usize) ->
     let deep = environment.data().contact().iter().filter(|contact| contact.dist < -DEEP);
     let pairs = deep.filter_map(|contact| {
         let [Ok(one), Ok(other)] = contact.geom.map(usize::try_from) else { return None };
-        let under = if specification.variants.len() > 1 {
-            format!(" under '{}'", specification.variants[variant])
-        } else {
-            String::new()
-        };
+        let under = under(&specification, variant);
         Some(format!("{} and {} by {:.3} m{under}", names[one], names[other], -contact.dist))
     });
     pairs.collect()
 }
 
-/// Actuators for which −1 and 1 lead to the same observations, bit for bit.
+/// Joints that start outside of their ranges under the variant, noise aside.
+fn starts_outside(task: &MujocoTask, variant: usize) -> Vec<String> {
+    let start = task.blueprint().reset.start(variant);
+    let axes = task.model().axes().into_iter();
+    let outside = axes.filter_map(|Axis { name, qpos, range, .. }| {
+        let ([low, high], at) = (range?, start[qpos]);
+        let is_within = (low - OUTSIDE..=high + OUTSIDE).contains(&at);
+        let under = under(task.specification(), variant);
+        (!is_within).then(|| format!("{name} at {at:.3}, range {low:.3} to {high:.3}{under}"))
+    });
+    outside.collect()
+}
+
+/// Such as ` under 'left'`, where there are several variants.
+fn under(specification: &Specification, variant: usize) -> String {
+    match &specification.variants[..] {
+        [_] => String::new(),
+        variants => format!(" under '{}'", variants[variant]),
+    }
+}
+
+/// Controls for which −1 and 1 lead to the same observations, bit for bit.
 fn without_effect(task: &MujocoTask, environment: &mut MujocoEnvironment, seed: &Seed) -> Vec<String> {
     let specification = task.specification();
     let mut seen = |control: usize, value: f32| {
@@ -238,7 +260,7 @@ fn without_effect(task: &MujocoTask, environment: &mut MujocoEnvironment, seed: 
         }
         seen
     };
-    let names = task.model().called(Kind::Actuator).into_iter().enumerate();
+    let names = task.model().controls().into_iter().enumerate();
     names.filter(|(control, _)| seen(*control, -1.0) == seen(*control, 1.0)).map(|(_, name)| name).collect()
 }
 
@@ -291,8 +313,18 @@ fn sum_up(task: &MujocoTask, episodes: &[Episode], length: usize) -> Tried {
     }
 }
 
-fn findings(task: &MujocoTask, played: &Tried, overlaps: &[String]) -> Vec<Finding> {
-    let mut findings = physics(played, overlaps);
+/// What was seen beside what is told of each number.
+struct Odd {
+    /// Episodes in which MuJoCo warned.
+    warned: usize,
+    /// Geoms that are inside each other as an episode starts.
+    overlaps: Vec<String>,
+    /// Joints that are outside of their ranges then.
+    outside: Vec<String>,
+}
+
+fn findings(task: &MujocoTask, played: &Tried, odd: &Odd) -> Vec<Finding> {
+    let mut findings = physics(played, odd);
     findings.extend(what_is_seen(task, played));
     if played.unstable < played.episodes {
         findings.extend(heuristic(task, played));
@@ -300,10 +332,11 @@ fn findings(task: &MujocoTask, played: &Tried, overlaps: &[String]) -> Vec<Findi
     findings
 }
 
-fn physics(played: &Tried, overlaps: &[String]) -> Vec<Finding> {
+fn physics(played: &Tried, Odd { warned, overlaps, outside }: &Odd) -> Vec<Finding> {
     let mut findings = Vec::new();
     let episodes = several(played.episodes, "episode");
-    let kinds: Vec<&str> = played.warnings.iter().map(|(words, _)| words.as_str()).collect();
+    let kinds: Vec<String> =
+        played.warnings.iter().map(|(words, count)| format!("{words} ({count})")).collect();
     if played.unstable > 0 {
         findings.push(Finding::error(
             format!(
@@ -320,7 +353,7 @@ fn physics(played: &Tried, overlaps: &[String]) -> Vec<Finding> {
         )));
     } else {
         findings.push(Finding::warning(
-            format!("MuJoCo warned in {episodes} of random actions: {}", kinds.join("; ")),
+            format!("MuJoCo warned in {warned} of {episodes} of random actions: {}", kinds.join("; ")),
             "the physics is not quite what the model asks for; mend the model",
         ));
     }
@@ -328,6 +361,12 @@ fn physics(played: &Tried, overlaps: &[String]) -> Vec<Finding> {
         findings.push(Finding::warning(
             format!("geoms are inside each other as an episode starts: {}", first_few(overlaps)),
             "move them apart in [reset], or <exclude> the pair in the model; the physics throws them apart",
+        ));
+    }
+    if !outside.is_empty() {
+        findings.push(Finding::warning(
+            format!("joints start outside of their ranges: {}", first_few(outside)),
+            "start within them in [reset], perhaps with a keyframe of the model; the physics throws them back",
         ));
     }
     findings.push(if played.repeats {
@@ -456,4 +495,39 @@ fn heuristic(task: &MujocoTask, played: &Tried) -> Vec<Finding> {
         ));
     }
     findings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tried(unstable: usize) -> Tried {
+        Tried {
+            episodes: 100,
+            steps: 5000,
+            steps_per_episode: 50,
+            steps_in_all: 5200,
+            ended_early: 0,
+            ended_at_start: 0,
+            unstable,
+            warnings: vec![("too many contacts".to_owned(), 2), ("a wild position".to_owned(), 1)],
+            observation: Vec::new(),
+            measurements: Vec::new(),
+            scores: Range::of("heuristic"),
+            success: None,
+            without_effect: Vec::new(),
+            repeats: true,
+        }
+    }
+
+    #[test]
+    fn warnings_are_told_with_the_episodes_in_which_they_came() {
+        let odd = Odd { warned: 2, overlaps: Vec::new(), outside: Vec::new() };
+        let message = |unstable: usize| physics(&tried(unstable), &odd)[0].message.clone();
+        let kinds = "too many contacts (2); a wild position (1)";
+        assert_eq!(message(0), format!("MuJoCo warned in 2 of 100 episodes of random actions: {kinds}"));
+        let wanted =
+            format!("the simulation became unstable in 1 of 100 episodes of random actions: {kinds}");
+        assert_eq!(message(1), wanted);
+    }
 }

@@ -247,6 +247,12 @@ fn replay_all(
         lengths::Measured { rows: &measured, states, known },
     )?);
     findings.extend(dynamics::not_recorded(&environment, &episodes));
+    if let Some(finding) = dynamics::undecided(task) {
+        findings.push(finding);
+        findings.extend(drifts(recorded, same_physics));
+        findings.extend(scores(recorded));
+        return Ok(Replays { findings, explained: None });
+    }
     let misses = dynamics::misses(&mut environment, &episodes)?;
     for (one, missed) in recorded.demonstrations.iter_mut().zip(&misses) {
         one.missed = missed.map(|missed| missed.share);

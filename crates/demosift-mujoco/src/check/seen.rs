@@ -64,7 +64,7 @@ pub struct Seen {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Actuator {
-    /// Its name.
+    /// Its name; `servo[0]` for the first control of one that takes several.
     pub name: String,
     /// The control that −1 becomes.
     pub low: f64,
@@ -103,16 +103,16 @@ pub fn look(task: &MujocoTask) -> (Seen, Vec<Finding>) {
     findings.extend(sign(task.blueprint()));
     findings.extend(early_end(task.blueprint()));
     findings.extend(times(&seen));
-    if seen.reward.is_empty() {
+    if !task.has_reward() {
         findings.push(Finding::warning(
             "the task has no reward, so `demosift record` has nothing to train a demonstrator on",
             "if you want it to, add terms to `reward`, or `reward` to [success]; judging needs neither",
         ));
     }
-    if seen.cameras.is_empty() {
+    if let Some(why) = task.model().lacks_camera() {
         findings.push(Finding::warning(
-            "the model has no camera, so `demosift play` takes no pictures",
-            "add one to the model, such as <camera name=\"front\" pos=\"0 -2 1\" xyaxes=\"1 0 0 0 0.4 1\"/>",
+            format!("the model {why}, so `demosift play` takes no pictures"),
+            "wanted one in the model such as <camera name=\"front\" pos=\"0 -2 1\" xyaxes=\"1 0 0 0 0.4 1\"/>",
         ));
     }
     (seen, findings)
@@ -123,7 +123,7 @@ fn describe(task: &MujocoTask) -> Seen {
     let blueprint = task.blueprint();
     let model = task.model();
     let names = &specification.measurements;
-    let actuators = model.called(Kind::Actuator).into_iter().zip(&blueprint.controls);
+    let actuators = model.controls().into_iter().zip(&blueprint.controls);
     let measured = names.iter().zip(&blueprint.measurements);
     let success = blueprint
         .success

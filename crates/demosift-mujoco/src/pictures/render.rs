@@ -8,6 +8,7 @@ use crate::environment::MujocoEnvironment;
 use crate::model::{Kind, LARGEST_PICTURE, Model};
 use crate::mujoco_task::MujocoTask;
 use crate::pictures::picture::Picture;
+use crate::quiet::NEEDED_TO_RENDER;
 
 /// Looks at environments of one task through one camera; must stay on the thread that made it.
 pub struct Viewpoint {
@@ -34,9 +35,8 @@ impl Viewpoint {
         let renderer = MjRenderer::new(task.model().mujoco(), width, height, 0).map_err(|error| {
             let source =
                 std::error::Error::source(&error).map_or(String::new(), |cause| format!(": {cause}"));
-            Error::simulation(format!("off-screen rendering is not possible: {error}{source}")).with_hint(
-                "rendering needs EGL; on Debian or Ubuntu: apt-get install libegl1 libgl1-mesa-dri libgles2",
-            )
+            Error::simulation(format!("off-screen rendering is not possible: {error}{source}"))
+                .with_hint(NEEDED_TO_RENDER)
         })?;
         let renderer = renderer.with_camera(MjvCamera::new_fixed(camera));
         Ok(Self { renderer, model: task.model().clone(), width, height })

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use demosift::{Error, Result};
 
-use crate::model::{Joint, Kind, Model, Point};
+use crate::model::{Joint, Model, Point};
 use crate::task::interval::Interval;
 use crate::task::measurement::{Data, position, velocity};
 use crate::task::slice::{Slice, Sliced, sliced};
@@ -166,8 +166,7 @@ fn look_up(part: &PartOf, model: &Model) -> Result<Vec<Named>> {
         PartOf::Position(names) => of_each(names, "position", 3, |name| model.point(name), What::Position),
         PartOf::Velocity(names) => of_each(names, "velocity", 3, |name| model.point(name), What::Velocity),
         PartOf::ContactWrench(names) => {
-            let body = |name: &str| model.id(Kind::Body, name);
-            of_each(names, "contact_wrench", 6, body, What::ContactWrench)
+            of_each(names, "contact_wrench", 6, |name| model.body(name), What::ContactWrench)
         }
         PartOf::Phase => Ok(vec![Named { name: "phase".to_owned(), what: What::Phase }]),
     }

@@ -8,12 +8,14 @@ use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 
 use crate::model::{Joint, Kind, Model};
+use crate::task::measurement::Data;
 use crate::task::task_file::{self, Values};
 
 /// Initial states, one for each variant, and the noise that all share.
 #[derive(Debug)]
 pub(crate) struct Reset {
     states: Vec<State>,
+    beside: Option<Beside>,
     qpos_noise: Option<Noise>,
     qvel_noise: Option<Noise>,
 }
@@ -22,6 +24,15 @@ pub(crate) struct Reset {
 struct State {
     qpos: Vec<f64>,
     qvel: Vec<f64>,
+}
+
+/// What a keyframe sets beside positions and velocities.
+#[derive(Debug)]
+struct Beside {
+    activations: Vec<f64>,
+    /// Where the bodies are that nothing moves but the user.
+    mocap_positions: Vec<[f64; 3]>,
+    mocap_quaternions: Vec<[f64; 4]>,
 }
 
 #[derive(Debug)]
@@ -66,6 +77,7 @@ impl Reset {
             };
         Ok(Self {
             states: if states.is_empty() { plain } else { states },
+            beside: Beside::of(&file.reset, model).map_err(stage)?,
             qpos_noise: noise(&file.reset.qpos_noise, "qpos_noise", |joint| joint.qpos.clone())?,
             qvel_noise: noise(&file.reset.qvel_noise, "qvel_noise", |joint| joint.qvel.clone())?,
         })
@@ -74,6 +86,19 @@ impl Reset {
     /// Whether a variant always starts in the same state.
     pub(crate) fn is_noiseless(&self) -> bool {
         self.qpos_noise.is_none() && self.qvel_noise.is_none()
+    }
+
+    /// The position in which a variant starts, without noise.
+    pub(crate) fn start(&self, variant: usize) -> &[f64] {
+        &self.states[variant].qpos
+    }
+
+    /// Sets what a state holds beside position and velocity, after MuJoCo has reset all of it.
+    pub(crate) fn write_beside(&self, data: &mut Data) {
+        let Some(beside) = &self.beside else { return };
+        data.act_mut().copy_from_slice(&beside.activations);
+        data.mocap_pos_mut().copy_from_slice(&beside.mocap_positions);
+        data.mocap_quat_mut().copy_from_slice(&beside.mocap_quaternions);
     }
 
     /// Fills position and velocity of a variant's start.
@@ -120,6 +145,22 @@ impl State {
             fill(&mut self.qvel[range], name, "qvel", values)?;
         }
         Ok(())
+    }
+}
+
+impl Beside {
+    fn of(file: &task_file::Reset, model: &Model) -> Result<Option<Self>> {
+        let Some(name) = &file.keyframe else { return Ok(None) };
+        let key = model.id(Kind::Key, name)?;
+        let mujoco = model.mujoco();
+        let (activations, bodies) = (mujoco.na() as usize, mujoco.nmocap() as usize);
+        let positions = &mujoco.key_mpos()[3 * key * bodies..][..3 * bodies];
+        let quaternions = &mujoco.key_mquat()[4 * key * bodies..][..4 * bodies];
+        Ok(Some(Self {
+            activations: mujoco.key_act()[key * activations..][..activations].to_vec(),
+            mocap_positions: positions.as_chunks().0.to_vec(),
+            mocap_quaternions: quaternions.as_chunks().0.to_vec(),
+        }))
     }
 }
 

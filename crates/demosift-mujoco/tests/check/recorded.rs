@@ -17,6 +17,76 @@ fn a_recording_of_the_task_itself_is_found_fine() {
 }
 
 #[test]
+fn a_position_that_is_not_observed_is_left_open_only_where_the_physics_does_not_ask_for_it() {
+    const CART: &str = r#"
+<mujoco>
+  <worldbody>
+    <body name="cart"><joint name="way" type="slide" axis="1 1 0"/><geom size="0.1" mass="1"/>
+      <body name="pole"><joint name="pole" axis="0 1 0" damping="0.1"/><geom size="0.05" pos="0 0 0.3" mass="1"/></body>
+    </body>
+  </worldbody>
+  <actuator><motor name="swing" joint="pole" ctrlrange="-1 1"/></actuator>
+</mujoco>"#;
+    let task = TASK.replace(
+        r#"[{ qpos = "all" }, { qvel = "all" }, { position = ["hand"] }, "phase"]"#,
+        r#"[{ qpos = { except = ["way"] } }, { qvel = "all" }]"#,
+    );
+    let task = task.replace(r#"["hand", "target"]"#, r#"["pole", "cart"]"#);
+    let states_from = |old: &str, new: &str| {
+        assert!(CART.contains(old), "{old}");
+        let task = load(&task, &CART.replace(old, new));
+        let (set, _) = record(&task);
+        check::compare(&task, &set, None).unwrap().0.states
+    };
+    for (old, new) in [
+        ("<mujoco>", "<mujoco>"),
+        ("axis=\"1 1 0\"", "axis=\"1 1 0\" damping=\"3\" frictionloss=\"1\""),
+        ("name=\"cart\"", "name=\"cart\" euler=\"0 0 40\""),
+    ] {
+        assert_eq!(states_from(old, new), StatesFrom::Observations, "{new}");
+    }
+    for (old, new) in [
+        ("axis=\"1 1 0\"", "axis=\"0 0 1\""),
+        ("axis=\"1 1 0\"", "axis=\"1 1 0\" range=\"-5 5\""),
+        ("axis=\"1 1 0\"", "axis=\"1 1 0\" stiffness=\"3\""),
+        ("axis=\"1 1 0\"", "axis=\"1 1 0.1\""),
+        ("name=\"cart\"", "name=\"cart\" euler=\"0 90 0\""),
+        ("<joint name=\"way\"", "<joint name=\"turn\"/><joint name=\"way\""),
+        ("</actuator>", "<motor name=\"drive\" joint=\"way\" ctrlrange=\"-1 1\"/></actuator>"),
+        ("</mujoco>", "<tendon><fixed><joint joint=\"way\" coef=\"1\"/></fixed></tendon></mujoco>"),
+        ("</mujoco>", "<equality><joint joint1=\"pole\" joint2=\"way\"/></equality></mujoco>"),
+    ] {
+        assert_eq!(states_from(old, new), StatesFrom::Nowhere, "{new}");
+    }
+}
+
+#[test]
+fn where_actuators_have_activations_no_step_is_played_by_itself_and_nothing_is_blamed() {
+    let [motor, filter] =
+        ["<motor name=\"push\" ", "<general name=\"push\" dyntype=\"filter\" dynprm=\"0.3\" "];
+    let task = load(TASK, &MODEL.replace(motor, filter));
+    let (set, states) = record(&task);
+    let why = "a state of the model also holds activations of actuators";
+    let (recorded, findings) = compared(&task, &set, &states);
+    assert_fine(&findings);
+    assert_found(&findings, Severity::Fine, why);
+    let one = &recorded.demonstrations[0];
+    assert!(one.missed.is_none() && one.typically_missed.is_none(), "{one:?}");
+    // From where the task starts the activations are known.
+    assert!(one.drift.unwrap().greatest < 1e-9 && one.score.is_some(), "{one:?}");
+    let states = Some(&states[..]);
+    let findings = check::fit(task.specification(), Some(&task), &Presented::plain(&set, states)).unwrap();
+    assert_fine(&findings);
+    assert_found(&findings, Severity::Fine, why);
+    // Observations follow from positions and velocities, and are compared as ever.
+    let swapped = |row: &[f32]| [&row[2..4], &row[..2], &row[4..]].concat();
+    let swapped = changed(&set, swapped, same);
+    let findings =
+        check::fit(task.specification(), Some(&task), &Presented::plain(&swapped, states)).unwrap();
+    assert_found(&findings, Severity::Error, "number 0 is qvel shoulder");
+}
+
+#[test]
 fn observations_in_another_order_or_unit_are_found_and_named() {
     let task = load(TASK, MODEL);
     let (set, states) = record(&task);

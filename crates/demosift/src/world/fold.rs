@@ -76,7 +76,7 @@ struct Condition {
 /// What a number is compared with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bound {
-    /// It has to be this.
+    /// It has to be this, as exactly as measurements are kept, in f32.
     Is(f64),
     /// It has to be more than this.
     Above(f64),
@@ -322,7 +322,8 @@ impl Bound {
     /// Whether the number keeps to the bound.
     pub fn holds(self, value: f64) -> bool {
         match self {
-            Self::Is(wanted) => value == wanted,
+            // No f32 is 0.1: the nearest one is what was measured.
+            Self::Is(wanted) => value as f32 == wanted as f32,
             Self::Above(bound) => value > bound,
             Self::Below(bound) => value < bound,
         }
@@ -388,6 +389,15 @@ mod tests {
         assert_eq!(when("max", "'a', below = 3"), 2.0);
         assert_eq!(when("min", "'a', below = 0"), 9.0, "no row is counted");
         assert_eq!(when("sum", "'a', below = 0"), 9.0, "no row is counted");
+    }
+
+    #[test]
+    fn a_number_is_what_is_written_as_exactly_as_it_is_measured() {
+        let tenths = rows(&[[0.1, 1.0], [0.2, 1.0], [0.1, 0.0], [0.100_001, 0.0]]);
+        let count = |bound: &str| {
+            fold(&format!("fold = 'count'\nwhen = [{{ measurement = 'a', {bound} }}]")).score(&tenths)
+        };
+        assert_eq!((count("is = 0.1"), count("is = 0.2"), count("is = 0.3")), (2.0, 1.0, 0.0));
     }
 
     #[test]
