@@ -321,11 +321,12 @@ impl Bound {
 
     /// Whether the number keeps to the bound.
     pub fn holds(self, value: f64) -> bool {
+        // No f32 is 0.1: the nearest one is what was measured.
+        let nearest = |bound: f64| f64::from(bound as f32);
         match self {
-            // No f32 is 0.1: the nearest one is what was measured.
             Self::Is(wanted) => value as f32 == wanted as f32,
-            Self::Above(bound) => value > bound,
-            Self::Below(bound) => value < bound,
+            Self::Above(bound) => value > nearest(bound),
+            Self::Below(bound) => value < nearest(bound),
         }
     }
 }
@@ -398,6 +399,7 @@ mod tests {
             fold(&format!("fold = 'count'\nwhen = [{{ measurement = 'a', {bound} }}]")).score(&tenths)
         };
         assert_eq!((count("is = 0.1"), count("is = 0.2"), count("is = 0.3")), (2.0, 1.0, 0.0));
+        assert_eq!((count("above = 0.1"), count("below = 0.1"), count("below = 0.2")), (2.0, 0.0, 3.0));
     }
 
     #[test]
