@@ -105,7 +105,7 @@ mod tests {
             assert!(drawn.title.is_some() && drawn.paper.is_some(), "{name}");
             assert_eq!(drawn.preset.as_deref(), Some("standard"), "{name}");
             assert!(!drawn.figures.is_empty() || name == "table1", "{name}");
-            assert!(!drawn.claims.is_empty() || ["fig5", "variants"].contains(name), "{name}");
+            assert!(!drawn.claims.is_empty() || ["fig5", "variants"].contains(&name), "{name}");
         }
     }
 }
