@@ -306,7 +306,8 @@ fn open_set(entry: &SetEntry, file: &File, folders: Folders<'_>) -> Result<Found
     };
     let recorded_under = match &entry.recorded_under {
         Some(path) => {
-            let variants = &opened.chosen.task.specification().variants;
+            let task = under_all_variants(entry, folders)?.task;
+            let variants = &task.specification().variants;
             recorded_under(&folders.find(path), variants, whole.len(), entry.episodes.as_deref())?
         }
         None => Vec::new(),
@@ -465,13 +466,18 @@ fn origins_of(path: &Path, whole: usize, episodes: Option<&[usize]>) -> Result<V
     })
 }
 
-/// The task, by name or by its path from the study file, under one variant.
-fn choose(entry: &SetEntry, folders: Folders<'_>) -> Result<Chosen> {
+/// The task, by name or by its path from the study file.
+fn under_all_variants(entry: &SetEntry, folders: Folders<'_>) -> Result<Chosen> {
     let beside = folders.study.join(&entry.task);
-    let chosen = match (task::names().contains(&entry.task.as_str()), beside.to_str()) {
-        (false, Some(path)) if beside.exists() => task::choose(path)?,
-        _ => task::choose(&entry.task)?,
-    };
+    match (task::names().contains(&entry.task.as_str()), beside.to_str()) {
+        (false, Some(path)) if beside.exists() => task::choose(path),
+        _ => task::choose(&entry.task),
+    }
+}
+
+/// The same under the one variant in which its set is judged.
+fn choose(entry: &SetEntry, folders: Folders<'_>) -> Result<Chosen> {
+    let chosen = under_all_variants(entry, folders)?;
     let variants = chosen.task.specification().variants.clone();
     match &entry.variant {
         Some(variant) => chosen.under(variant),
