@@ -148,6 +148,51 @@ fn the_oracle_and_the_referee_have_parts_too() {
     }
 }
 
+/// What the parts concluded of what was kept stays theirs; what they trained is used where it is asked for.
+#[test]
+fn another_keep_after_parts_is_that_of_one_process() {
+    let scratch = Scratch::new("parts-keep");
+    let job = format!("set {TASK} --judge cloning");
+    scratch.succeed(&format!("referee {job} --out undivided"));
+    for command in ["judge", "referee"] {
+        for _ in 0..4 {
+            for part in ["1/2", "2/2"] {
+                scratch.succeed(&format!("{command} {job} --out shared --part {part}"));
+            }
+        }
+    }
+    // As parts of before wrote them, beside what they trained.
+    for name in ["verdict.json", "subset.json", "policy_best.safetensors", "policy_best.onnx"] {
+        fs::copy(scratch.0.join("undivided").join(name), scratch.0.join("shared/parts/1-of-2").join(name))
+            .unwrap();
+    }
+    // Before anybody collected them, and then with each of what was asked before.
+    for keep in ["2", "quarter", "2"] {
+        for folder in ["undivided", "shared"] {
+            scratch.succeed(&format!("referee --out {folder} --resume --keep {keep}"));
+        }
+        let (whole, shared) = (results(&scratch, "undivided"), results(&scratch, "shared"));
+        for name in
+            ["resolved.toml", "subset.json", "verdict.json", "policy_best.safetensors", "policy_best.onnx"]
+        {
+            assert!(whole[name] == shared[name], "{name} of --keep {keep}");
+        }
+    }
+    // A part of the new one finds nothing of the old one either.
+    for _ in 0..4 {
+        for part in ["1/2", "2/2"] {
+            scratch.succeed(&format!("referee {job} --keep 2 --out shared --part {part}"));
+        }
+    }
+    scratch.succeed("select --out shared --resume --keep 3");
+    let left = scratch.files("shared");
+    assert!(
+        !left.contains_key("verdict.json") && !left.contains_key("policy_best.onnx"),
+        "{:?}",
+        left.keys()
+    );
+}
+
 #[test]
 fn what_a_part_cannot_do_is_one_error() {
     let scratch = Scratch::new("parts-errors");

@@ -16,7 +16,7 @@ use serde::Deserialize;
 use toml::Table;
 
 use super::identity::{Begun, Identity, check_same, first_format};
-use crate::configuration::asked_again;
+use crate::configuration::asked_again::{self, PARTS, is_about_one_keep};
 use crate::configuration::resolved::{self, RESOLVED};
 use crate::console::interruption;
 use crate::files::lock::{self, Lock};
@@ -188,7 +188,8 @@ impl RunFolder {
         Ok(folder)
     }
 
-    /// Copies what parts of the run have finished; their checkpoints and measurements stay where they are.
+    /// Copies what parts of the run have finished; their checkpoints and measurements stay where they are, and what follows
+    /// from what is kept is made of the rest, for the `keep` that is asked for.
     fn collect(&mut self) -> Result<()> {
         let mut parts = self.others()?;
         parts.retain(|folder| *folder != self.path);
@@ -196,8 +197,8 @@ impl RunFolder {
             for name in names_in(&part)? {
                 let is_result =
                     [".json", ".safetensors", ".onnx"].iter().any(|ending| name.ends_with(ending));
-                if is_result && !name.starts_with('.') && name != MEASURED && !self.path.join(&name).exists()
-                {
+                let is_of_part = name.starts_with('.') || name == MEASURED || is_about_one_keep(&name);
+                if is_result && !is_of_part && !self.path.join(&name).exists() {
                     let bytes = files::read(&part.join(&name))?;
                     self.store(&name, &bytes)?;
                 }
@@ -287,9 +288,6 @@ impl RunFolder {
     }
 }
 
-/// The folder of a run in which its parts have theirs.
-const PARTS: &str = "parts";
-
 /// How the names of checkpoints begin, of which each part has another.
 const CHECKPOINT: &str = "checkpoint_";
 
@@ -351,6 +349,9 @@ impl Ledger for RunFolder {
         if let Some(instead) = self.unwritten.as_ref().and_then(|unwritten| unwritten.get(name)) {
             return Ok(instead.clone());
         }
+        if is_about_one_keep(name) {
+            return recalled(&self.path.join(name));
+        }
         let own = recalled(&self.written().join(name))?;
         if own.is_some() || name.starts_with(CHECKPOINT) {
             return Ok(own);
@@ -365,9 +366,14 @@ impl Ledger for RunFolder {
     }
 
     /// What is there already is not written again, so that a finished run may lie on a disk that is only read.
+    ///
+    /// What follows from what is kept is written by the whole run alone: the folder of a part may outlive another `keep`.
     fn store(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
         if let Some(unwritten) = &mut self.unwritten {
             unwritten.insert(name.to_owned(), Some(bytes.to_vec()));
+            return Ok(());
+        }
+        if self.part.is_some() && is_about_one_keep(name) {
             return Ok(());
         }
         let path = self.written().join(name);
@@ -381,6 +387,9 @@ impl Ledger for RunFolder {
     fn forget(&mut self, name: &str) -> Result<()> {
         if let Some(unwritten) = &mut self.unwritten {
             unwritten.insert(name.to_owned(), None);
+            return Ok(());
+        }
+        if self.part.is_some() && is_about_one_keep(name) {
             return Ok(());
         }
         let path = self.written().join(name);
