@@ -446,8 +446,8 @@ fn remove_left_over(folder: &Path) -> Result<()> {
 /// Whether a name is that of a write of ours which did not come to its end.
 fn is_left_over(name: &str) -> bool {
     const KINDS: [&str; 7] = ["json", "toml", "bin", "safetensors", "onnx", "html", "hdf5"];
-    let written = name.strip_prefix('.').and_then(|name| name.strip_suffix(".partial"));
-    written.and_then(|name| name.rsplit_once('.')).is_some_and(|(_, kind)| KINDS.contains(&kind))
+    let written = files::Unfinished::of(name).and_then(|write| write.name.rsplit_once('.'));
+    written.is_some_and(|(_, kind)| KINDS.contains(&kind))
 }
 
 #[cfg(test)]

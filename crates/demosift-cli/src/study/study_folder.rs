@@ -4,8 +4,9 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use demosift::basics::files::{self, Unfinished};
 use demosift::basics::part::Part;
-use demosift::basics::{files, seal};
+use demosift::basics::seal;
 use demosift::run::experiment::Config;
 use demosift::run::study::{Cell, Fingerprint, Work, hash_of_entering};
 use demosift::{Error, Result};
@@ -83,6 +84,7 @@ impl StudyFolder {
             .map_err(|error| Error::io("cannot make the folder of the study", &cells, &error))?;
         let name = part.map_or(String::new(), |part| format!("_{}", part.name()));
         self.lock = Some(lock::take(&self.path, &name)?);
+        [&self.path, &cells].into_iter().try_for_each(|folder| remove_left_over(folder))?;
         interruption::run_is_in(&self.path);
         Ok(())
     }
@@ -142,4 +144,17 @@ impl StudyFolder {
         let path = self.path.join(format!("{name}.json"));
         undisturbed(|| files::write_atomically(&path, bytes))
     }
+}
+
+/// Removes what killed processes of this machine left behind; other parts may be writing at the same time.
+fn remove_left_over(folder: &Path) -> Result<()> {
+    let failed = |error: std::io::Error| Error::io("cannot tidy the folder of the study", folder, &error);
+    for entry in fs::read_dir(folder).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        if Unfinished::of(&entry.file_name().to_string_lossy()).is_some_and(|write| write.is_left_over()) {
+            // Another part may have been faster.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+    Ok(())
 }
