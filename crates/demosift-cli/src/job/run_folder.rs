@@ -198,8 +198,11 @@ impl RunFolder {
                 let is_result =
                     [".json", ".safetensors", ".onnx"].iter().any(|ending| name.ends_with(ending));
                 let is_of_part = name.starts_with('.') || name == MEASURED || is_about_one_keep(&name);
-                if is_result && !is_of_part && !self.path.join(&name).exists() {
-                    let bytes = files::read(&part.join(&name))?;
+                if !is_result || is_of_part || self.path.join(&name).exists() {
+                    continue;
+                }
+                // The part may be at work, and replace it.
+                if let Some(bytes) = files::read_if_there(&part.join(&name))? {
                     self.store(&name, &bytes)?;
                 }
             }
@@ -328,13 +331,6 @@ fn names_in(folder: &Path) -> Result<Vec<String>> {
     Ok(names)
 }
 
-fn recalled(path: &Path) -> Result<Option<Vec<u8>>> {
-    match fs::symlink_metadata(path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-        _ => files::read(path).map(Some),
-    }
-}
-
 impl Ledger for RunFolder {
     fn claim(&mut self) -> Result<()> {
         if self.lock.is_none() {
@@ -350,15 +346,15 @@ impl Ledger for RunFolder {
             return Ok(instead.clone());
         }
         if is_about_one_keep(name) {
-            return recalled(&self.path.join(name));
+            return files::read_if_there(&self.path.join(name));
         }
-        let own = recalled(&self.written().join(name))?;
+        let own = files::read_if_there(&self.written().join(name))?;
         if own.is_some() || name.starts_with(CHECKPOINT) {
             return Ok(own);
         }
         // A result is the same whoever made it.
         for folder in self.others()? {
-            if let Some(found) = recalled(&folder.join(name))? {
+            if let Some(found) = files::read_if_there(&folder.join(name))? {
                 return Ok(Some(found));
             }
         }
@@ -410,7 +406,7 @@ impl Ledger for RunFolder {
     }
 
     fn of_parts(&self, name: &str) -> Result<Vec<Vec<u8>>> {
-        let found = self.others()?.into_iter().map(|folder| recalled(&folder.join(name)));
+        let found = self.others()?.into_iter().map(|folder| files::read_if_there(&folder.join(name)));
         Ok(found.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
     }
 }

@@ -99,11 +99,7 @@ impl StudyFolder {
 
     pub(crate) fn recall(&self, work: &Work, fingerprint: &Fingerprint) -> Result<Recalled> {
         let path = self.file(work);
-        let bytes = match fs::read(&path) {
-            Ok(bytes) => bytes,
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Recalled::Nothing),
-            Err(error) => return Err(Error::io("cannot read the cell", &path, &error)),
-        };
+        let Some(bytes) = files::read_if_there(&path)? else { return Ok(Recalled::Nothing) };
         let Ok(bytes) = seal::of_json_if_sealed(bytes, "the cell") else {
             return Ok(Recalled::NotBelieved("a file that was damaged"));
         };

@@ -6,6 +6,7 @@ use std::io::{ErrorKind, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 use sha2::{Digest as _, Sha256};
 
@@ -71,6 +72,44 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
     read_or_say("cannot read", path)
 }
 
+/// The bytes of a file that another process may delete or replace meanwhile; none if it is not there.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_if_there(path: &Path) -> Result<Option<Vec<u8>>> {
+    read_if_found(path, |path| fs::read(path))
+}
+
+fn read_if_found(
+    path: &Path,
+    mut read: impl FnMut(&Path) -> std::io::Result<Vec<u8>>,
+) -> Result<Option<Vec<u8>>> {
+    for left in (0..TRIES).rev() {
+        // A link that leads nowhere is there, and cannot be read.
+        match fs::symlink_metadata(path) {
+            Err(source) if source.kind() == ErrorKind::NotFound => return Ok(None),
+            _ => {}
+        }
+        match is_plain(path).and_then(|is_plain| is_plain.then(|| read(path)).transpose()) {
+            Ok(Some(bytes)) => return Ok(Some(bytes)),
+            Ok(None) => return Err(not_plain(path)),
+            Err(source) if left > 0 && is_passing(&source) => std::thread::sleep(BETWEEN_TRIES),
+            Err(source) => return Err(Error::io("cannot read", path, &source)),
+        }
+    }
+    unreachable!("the last try returns")
+}
+
+/// How often a file is looked for that was there a moment before.
+const TRIES: usize = 20;
+const BETWEEN_TRIES: Duration = Duration::from_millis(10);
+
+/// Whether it may be otherwise a moment later: the file was deleted or replaced since it was found, on a network disk perhaps
+/// by another machine.
+fn is_passing(source: &std::io::Error) -> bool {
+    [ErrorKind::NotFound, ErrorKind::StaleNetworkFileHandle].contains(&source.kind())
+}
+
 fn read_or_say(action: &str, path: &Path) -> Result<Vec<u8>> {
     check_or_say(action, path)?;
     fs::read(path).map_err(|source| Error::io(action, path, &source))
@@ -101,13 +140,20 @@ pub fn check_is_plain(path: &Path) -> Result<()> {
 }
 
 fn check_or_say(action: &str, path: &Path) -> Result<()> {
-    let kind = fs::metadata(path).map_err(|source| Error::io(action, path, &source))?.file_type();
-    match kind.is_file() || kind.is_dir() {
+    match is_plain(path).map_err(|source| Error::io(action, path, &source))? {
         true => Ok(()),
-        false => Err(Error::bad_input("this is a pipe, a device or a socket; wanted a plain file")
-            .at(path)
-            .with_hint("write what comes out of it into a file first")),
+        false => Err(not_plain(path)),
     }
+}
+
+fn is_plain(path: &Path) -> std::io::Result<bool> {
+    fs::metadata(path).map(|found| found.is_file() || found.is_dir())
+}
+
+fn not_plain(path: &Path) -> Error {
+    Error::bad_input("this is a pipe, a device or a socket; wanted a plain file")
+        .at(path)
+        .with_hint("write what comes out of it into a file first")
 }
 
 /// Writes files, each with its path below the folder, into a new folder, which appears whole or not at all.
@@ -309,6 +355,36 @@ mod tests {
         assert!(write_atomically(&blocked, b"new").unwrap_err().is_io());
         let left: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         assert_eq!(left.len(), 2, "{left:?}");
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    /// Of a file that another process deletes or replaces between looking and reading, here at each of the first tries.
+    #[test]
+    fn what_goes_away_while_it_is_read_is_not_there_and_what_comes_back_is_read() {
+        let folder = std::env::temp_dir().join(format!("demosift-going-{}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        let path = folder.join("checkpoint.bin");
+        assert_eq!(read_if_there(&path).unwrap(), None);
+        fs::write(&path, "old").unwrap();
+        assert_eq!(read_if_there(&path).unwrap().as_deref(), Some(b"old".as_slice()));
+
+        let deleted = read_if_found(&path, |path| {
+            fs::remove_file(path)?;
+            fs::read(path)
+        });
+        assert_eq!(deleted.unwrap(), None);
+        let mut stale = 3;
+        fs::write(&path, "new").unwrap();
+        let replaced = read_if_found(&path, |path| match stale {
+            0 => fs::read(path),
+            _ => {
+                stale -= 1;
+                Err(ErrorKind::StaleNetworkFileHandle.into())
+            }
+        });
+        assert_eq!(replaced.unwrap().as_deref(), Some(b"new".as_slice()));
+        let never = read_if_found(&path, |_| Err(ErrorKind::StaleNetworkFileHandle.into()));
+        assert!(never.unwrap_err().is_io());
         fs::remove_dir_all(&folder).unwrap();
     }
 
