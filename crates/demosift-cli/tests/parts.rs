@@ -110,6 +110,45 @@ fn a_part_that_was_killed_is_replaced_by_the_same_line() {
     assert_collected(&scratch, "undivided", "shared");
 }
 
+/// Makes it look as if the process that holds the lock of a folder ran on another machine.
+fn put_elsewhere(folder: &std::path::Path) {
+    let lock = folder.join(".lock");
+    let holder = fs::read_dir(&lock).unwrap().next().unwrap().unwrap().file_name().into_string().unwrap();
+    let (_, rest) = holder.split_once('+').unwrap();
+    fs::rename(lock.join(&holder), lock.join(format!("lab7+{rest}"))).unwrap();
+}
+
+/// Of a process on another machine nobody here can tell whether it is gone, so the part goes on beside it.
+#[test]
+fn a_part_whose_machine_was_lost_is_replaced_by_the_same_line_elsewhere() {
+    let scratch = Scratch::new("parts-moved");
+    let job =
+        format!("judge set {TASK} --judge cloning --set cloning_judge.judging.iterations=60 --threads 1");
+    scratch.succeed(&format!("{job} --out undivided"));
+    let line = format!("{job} --out shared --part 1/2");
+    let kill = |own: &str| {
+        let own = scratch.0.join("shared/parts").join(own);
+        let mut killed = scratch.command(&line).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        let checkpoint = own.join("checkpoint_judge_cloning.bin");
+        while !checkpoint.exists() && killed.try_wait().unwrap().is_none() {
+            std::thread::yield_now();
+        }
+        let _ = killed.kill();
+        killed.wait().unwrap();
+        assert!(checkpoint.exists(), "it was killed before it had done anything");
+        put_elsewhere(&own);
+    };
+    kill("1-of-2");
+    kill("1-of-2.2");
+    let output = scratch.run(&line);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && said.contains("note: part 1/2 was begun by process"), "{said}");
+    assert!(said.contains("of the host lab7") && scratch.0.join("shared/parts/1-of-2.3").is_dir(), "{said}");
+    scratch.succeed(&line.replace("1/2", "2/2"));
+    scratch.succeed("judge --out shared --resume");
+    assert_collected(&scratch, "undivided", "shared");
+}
+
 #[test]
 fn what_a_part_did_not_do_the_whole_does() {
     let scratch = Scratch::new("parts-lost");

@@ -18,7 +18,7 @@ use toml::Table;
 use super::identity::{Begun, Identity, check_same, first_format};
 use crate::configuration::asked_again::{self, PARTS, is_about_one_keep};
 use crate::configuration::resolved::{self, RESOLVED};
-use crate::console::interruption;
+use crate::console::{interruption, terminal};
 use crate::files::lock::{self, Lock};
 use crate::files::metrics_file::MEASURED;
 use crate::files::writing::undisturbed;
@@ -140,16 +140,43 @@ struct Written {
 #[derive(Debug)]
 pub(crate) struct RunFolder {
     path: PathBuf,
-    /// Which part of the run's work is done here; its files are written into a folder of their own.
-    part: Option<Part>,
+    /// Which part of the run's work is done here.
+    share: Option<Share>,
     lock: Option<Lock>,
     /// What is there instead of the files, where nothing may be written; `None` for a file that is taken to be away.
     unwritten: Option<BTreeMap<String, Option<Vec<u8>>>>,
 }
 
+/// A part of a run's work, whose files are written into a folder of their own.
+#[derive(Debug)]
+struct Share {
+    part: Part,
+    folder: PathBuf,
+    /// The folders of those that began the part on other machines, whose checkpoints it goes on from.
+    before: Vec<PathBuf>,
+}
+
+impl Share {
+    /// A part in the folder of its name, or in one beside it: where somebody of another machine holds the lock of the first,
+    /// nobody here can know whether that machine was lost, and two folders do no harm.
+    fn of(run: &Path, part: Part) -> Self {
+        let (parts, name, mut before) = (run.join(PARTS), part.name(), Vec::new());
+        let mut folder = parts.join(&name);
+        while let Some(holder) = lock::held_elsewhere(&folder, "") {
+            terminal::say(&format!(
+                "note: part {part} was begun by {holder}, and this takes its place; if that one still works, one of them does \
+                 it in vain"
+            ));
+            before.push(folder);
+            folder = parts.join(format!("{name}.{}", before.len() + 1));
+        }
+        Self { part, folder, before }
+    }
+}
+
 impl RunFolder {
     fn at(path: PathBuf) -> Self {
-        Self { path, part: None, lock: None, unwritten: None }
+        Self { path, share: None, lock: None, unwritten: None }
     }
 
     /// Begins a run, or goes on with the one in the folder if that depends on the same things.
@@ -228,7 +255,7 @@ impl RunFolder {
             .at(&path)
             .with_hint("ask the whole run for it, with --resume and without --part"));
         }
-        let folder = Self { part: Some(part), ..Self::at(path) };
+        let folder = Self { share: Some(Share::of(&path, part)), ..Self::at(path) };
         let own = folder.written();
         fs::create_dir_all(&own)
             .map_err(|error| Error::io("cannot make the folder of the part", &own, &error))?;
@@ -265,10 +292,7 @@ impl RunFolder {
 
     /// The folder into which results are written: that of the part, where only a part of the work is done.
     pub(crate) fn written(&self) -> PathBuf {
-        match self.part {
-            Some(part) => self.path.join(PARTS).join(part.name()),
-            None => self.path.clone(),
-        }
+        self.share.as_ref().map_or_else(|| self.path.clone(), |share| share.folder.clone())
     }
 
     /// The other folders of the run: the whole, seen from a part, and those of its parts.
@@ -349,11 +373,15 @@ impl Ledger for RunFolder {
             return files::read_if_there(&self.path.join(name));
         }
         let own = files::read_if_there(&self.written().join(name))?;
-        if own.is_some() || name.starts_with(CHECKPOINT) {
+        if own.is_some() {
             return Ok(own);
         }
         // A result is the same whoever made it.
-        for folder in self.others()? {
+        let others = match name.starts_with(CHECKPOINT) {
+            true => self.share.iter().flat_map(|share| share.before.clone()).collect(),
+            false => self.others()?,
+        };
+        for folder in others {
             if let Some(found) = files::read_if_there(&folder.join(name))? {
                 return Ok(Some(found));
             }
@@ -369,7 +397,7 @@ impl Ledger for RunFolder {
             unwritten.insert(name.to_owned(), Some(bytes.to_vec()));
             return Ok(());
         }
-        if self.part.is_some() && is_about_one_keep(name) {
+        if self.share.is_some() && is_about_one_keep(name) {
             return Ok(());
         }
         let path = self.written().join(name);
@@ -385,7 +413,7 @@ impl Ledger for RunFolder {
             unwritten.insert(name.to_owned(), None);
             return Ok(());
         }
-        if self.part.is_some() && is_about_one_keep(name) {
+        if self.share.is_some() && is_about_one_keep(name) {
             return Ok(());
         }
         let path = self.written().join(name);
@@ -402,7 +430,7 @@ impl Ledger for RunFolder {
     }
 
     fn part(&self) -> Option<Part> {
-        self.part
+        self.share.as_ref().map(|share| share.part)
     }
 
     fn of_parts(&self, name: &str) -> Result<Vec<Vec<u8>>> {

@@ -11,7 +11,7 @@ use demosift::run::experiment::Config;
 use demosift::run::study::{Cell, Fingerprint, Work, hash_of_entering};
 use demosift::{Error, Result};
 
-use crate::console::interruption;
+use crate::console::{interruption, terminal};
 use crate::files::lock::{self, Lock};
 use crate::files::writing::undisturbed;
 use crate::study::study_file::OpenedSet;
@@ -82,11 +82,27 @@ impl StudyFolder {
         let cells = self.path.join(CELLS);
         fs::create_dir_all(&cells)
             .map_err(|error| Error::io("cannot make the folder of the study", &cells, &error))?;
-        let name = part.map_or(String::new(), |part| format!("_{}", part.name()));
+        let name = part.map_or(String::new(), |part| self.lock_of(part));
         self.lock = Some(lock::take(&self.path, &name)?);
         [&self.path, &cells].into_iter().try_for_each(|folder| remove_left_over(folder))?;
         interruption::run_is_in(&self.path);
         Ok(())
+    }
+
+    /// The name of a part's lock, or of one beside it: where somebody of another machine holds the first, nobody here can know
+    /// whether that machine was lost, and a cell that two make is the same.
+    fn lock_of(&self, part: Part) -> String {
+        let first = format!("_{}", part.name());
+        let (mut name, mut number) = (first.clone(), 1);
+        while let Some(holder) = lock::held_elsewhere(&self.path, &name) {
+            terminal::say(&format!(
+                "note: part {part} was begun by {holder}, and this takes its place; if that one still works, both make the same \
+                 cells"
+            ));
+            number += 1;
+            name = format!("{first}.{number}");
+        }
+        name
     }
 
     pub(crate) fn path(&self) -> &Path {
