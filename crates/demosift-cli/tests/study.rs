@@ -379,6 +379,14 @@ fn each_mistake_of_a_user_is_told() {
             "judges = \"both\"",
             vec!["the method 'paper'", "judges = both, and a method asks one"],
         ),
+        (
+            "meta_train.rounds = 2",
+            "meta_train.rounds = 2\nportable = true",
+            vec![
+                "portable = true stands in some values of the study and not in all",
+                "[judging] and [training]",
+            ],
+        ),
         ("rule = \"ranks\"\n", "\n", vec!["the method 'mean of ranks' has one of rule and of"]),
         (
             "\"cloning\"]\n[training",
