@@ -173,8 +173,11 @@ fn the_oracle_and_the_referee_have_parts_too() {
                 scratch.succeed(&format!("{command} {job} --out shared --part {part}"));
             }
         }
-        let made = fs::read_dir(scratch.0.join("shared/parts/1-of-2")).unwrap().count();
-        assert!(made > 1, "a part has files of its own");
+        let told = scratch.succeed(&format!("{command} {job} --out shared --part 1/2"));
+        let options = if command == "oracle" { " --repeats 3" } else { "" };
+        assert!(told.ends_with(&format!("demosift {command} --out shared --resume{options}\n")), "{told}");
+        let own = scratch.0.join("shared/parts/1-of-2");
+        assert!(fs::read_dir(&own).unwrap().count() > 1, "a part has files of its own");
         let said = scratch.succeed(&format!("{command} --out shared --resume"));
         assert_eq!(
             said,

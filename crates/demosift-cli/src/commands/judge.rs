@@ -78,7 +78,7 @@ fn share(job: &mut Job, json: bool) -> Result<()> {
         let scores = job.run(|run| experiment::scores(run, *judge));
         left.extend(part::left(scores)?.map(|left| format!("{left} by {}", tables::panel::in_words(*judge))));
     }
-    part::done(job, "judge", &left, json);
+    part::done(job, "judge", "", &left, json);
     Ok(())
 }
 
