@@ -252,4 +252,7 @@ fn what_a_part_cannot_do_is_one_error() {
     assert!(said.contains("the run folder is of another run"), "{said}");
     let said = complaint(&format!("judge set {TASK} --judge cloning --keep 3 --out shared --part 2/2"));
     assert!(said.contains("another --keep"), "{said}");
+    let said = complaint("judge set --prior shared --out standing --part 1/2");
+    assert!(said.contains("--part 1/2 and --prior do not go together"), "{said}");
+    assert!(!scratch.0.join("standing").exists());
 }
