@@ -256,3 +256,17 @@ fn what_a_part_cannot_do_is_one_error() {
     assert!(said.contains("--part 1/2 and --prior do not go together"), "{said}");
     assert!(!scratch.0.join("standing").exists());
 }
+
+/// Each round of weighing starts from the one before, so parts would all do the same.
+#[test]
+fn weighing_is_done_once_and_not_by_a_part() {
+    let scratch = Scratch::new("parts-weights");
+    let job = format!("set {TASK} --keep weights --judge cloning --set subset_selection.rounds=2");
+    scratch.succeed(&format!("meta-train {job} --out shared"));
+    scratch.succeed("judge --out shared --resume");
+    let part = format!("referee {job} --out shared --part 1/2");
+    scratch
+        .refuse(&part, &["part 1/2 of the run needs the weights", "hint: make them with `demosift weigh`"]);
+    scratch.succeed("weigh --out shared --resume");
+    scratch.succeed(&part);
+}

@@ -230,6 +230,11 @@ def sift(
     With `dry_run` no run is begun, and what it would cost is returned: the answer of ``--dry-run --json``, with `stages`,
     `environment_steps` and `minutes`.
     """
+    if map is not None or parts is not None:
+        if map is None or parts is None or out is None:
+            raise Mistake("map, parts and out go together: who calls, how many parts there are, and the folder they share")
+        out = Path(out).absolute()
+        resume = True
     job = _job(
         env=env,
         trainer=trainer,
@@ -250,13 +255,8 @@ def sift(
             words += _IMITATION[imitation]["values"]
     sets = [word for value in words for word in ("--set", value)]
     asked = [*open_set(demonstrations).words(), *job, *sets]
-    if map is not None or parts is not None:
-        if map is None or parts is None or out is None:
-            raise Mistake("map, parts and out go together: who calls, how many parts there are, and the folder they share")
-        out = Path(out).absolute()
-        resume = True
-        if not dry_run:
-            in_parts([*asked, *command.options(out=out, **options)], options, parts, map)
+    if map is not None and parts is not None and out is not None and not dry_run:
+        in_parts([*asked, *command.options(out=out, **options)], Path(out), parts, map)
     how = command.options(out=out, resume=resume, dry_run=dry_run, **options)
     answer: dict[str, Any] = command.ask_json(["sift", *asked, *how], bar=progress)
     return answer if dry_run else Result(answer["run_folder"])

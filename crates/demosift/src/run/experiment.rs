@@ -242,6 +242,12 @@ pub fn weighing(run: &mut Run<'_>, prior: &MetaPrior) -> Result<Weighing> {
         check_known(run.set, weighing.demos.iter().copied(), "weights.json")?;
         return Ok(weighing);
     }
+    if let Some(part) = run.ledger.part() {
+        return Err(Error::bad_input(format!(
+            "part {part} of the run needs the weights of the demonstrations, which are found once, and the run has none"
+        ))
+        .with_hint("make them with `demosift weigh` and the same options but --part, and start the parts then"));
+    }
     check_has_weights(run.config.method)?;
     let Run { set, playground, config, ledger, observer } = run;
     let by = weighed_by(config);
