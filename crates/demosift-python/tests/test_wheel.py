@@ -299,6 +299,41 @@ class InParts(InScratch):
             self.assertEqual((shared.folder / "prior.safetensors").exists(), is_learned)
             self.assertTrue((shared.folder / f"scores_{judges}.json").exists())
 
+    def test_names_of_here_are_found_from_elsewhere(self):
+        pathlib.Path("my_train.py").write_text(LEAST_SQUARES)
+        pathlib.Path("elsewhere").mkdir()
+
+        def elsewhere(function, items):
+            before = os.getcwd()
+            os.chdir("elsewhere")
+            try:
+                return [function(item) for item in items]
+            finally:
+                os.chdir(before)
+
+        asked = {**FAST, "referee": "trainer=3", "task": "point_mass", "progress": False, "trainer": "my_train.py:train"}
+        demosift.sift(drives([0, 10, 170]), out="shared", map=elsewhere, parts=2, **asked)
+        self.assertTrue(list(pathlib.Path("shared/inputs").glob("arrays-*.npz")), "what is in memory goes where all see it")
+        self.assertFalse(pathlib.Path("runs").exists())
+
+    def test_words_name_files_from_any_folder(self):
+        for name in ["my_env.py", "set.hdf5", "values.toml"]:
+            pathlib.Path(name).touch()
+        pathlib.Path("gymnasium").mkdir()
+        here = os.getcwd()
+        for typed, wanted in [
+            ("set.hdf5", f"{here}/set.hdf5"),
+            ("--env=my_env.py:make", f"--env={here}/my_env.py:make"),
+            ("--heuristic=my_env.py:score", f"--heuristic={here}/my_env.py:score"),
+            ("--config=values.toml", f"--config={here}/values.toml"),
+            ("--env=gymnasium:HalfCheetah-v5", None),
+            ("--heuristic=negated min gap", None),
+            ("--python=python3", None),
+            ("--trainer=no_file.py:train", None),
+            ("--keep=5", None),
+        ]:
+            self.assertEqual(demosift.parts.absolute(typed), wanted or typed)
+
     def test_a_part_that_fails_takes_no_other_with_it(self):
         def loses(function, items):
             return [RuntimeError("the machine is lost") if item == "1/2" else function(item) for item in items]

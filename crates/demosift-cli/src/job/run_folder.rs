@@ -24,6 +24,8 @@ use crate::files::metrics_file::MEASURED;
 use crate::files::writing::undisturbed;
 
 const RUN: &str = "run.json";
+/// The folder in which the wheel puts what a run in parts was given from memory (`demosift/runs.py`), before the run begins.
+const INPUTS: &str = "inputs";
 
 /// `--resume` names a folder without a run, and nothing else says what should begin there.
 pub(crate) fn nothing_to_resume(folder: &Path) -> Error {
@@ -53,7 +55,9 @@ pub(crate) fn look_into(folder: &Path, resume: bool) -> Result<Option<Begun>> {
     names.sort();
     let begun = names.iter().any(|name| name == RUN);
     // A run that was killed while it began leaves these only, and has done nothing yet.
-    let empty = names.iter().all(|name| name == RESOLVED || lock::is_one(name) || is_left_over(name));
+    let is_of_ours =
+        |name: &String| name == RESOLVED || name == INPUTS || lock::is_one(name) || is_left_over(name);
+    let empty = names.iter().all(is_of_ours);
     match (begun, resume) {
         (false, _) if empty => Ok(None),
         (false, _) => Err(Error::bad_input(format!(

@@ -17,11 +17,12 @@ from .errors import Error, Failed, Mistake
 _ROUNDS = 100
 #: Stages that start from the prior of the paper's judge.
 _FROM_PRIOR = {"judge_paper", "subset_selection"}
+#: Options whose value is a file, or a function in one.
+_FILES = {"--env", "--trainer", "--heuristic", "--measure", "--config", "--task", "--python"}
 
 
 def in_parts(words: Sequence[str | os.PathLike[str]], out: Path, parts: int, map: Map) -> None:
     """Judges and trains in parts, as far as the run of these words can be shared out and goes into the folder `out`."""
-    words = [_absolute(word) for word in words]
     # Who judges is known to the command alone: values, a file of them, or the speed of an environment may say it.
     plan = command.ask_json(["sift", *words, "--resume", "--dry-run"], notes=False)
     left = {stage["stage"] for stage in plan["stages"]}
@@ -123,7 +124,17 @@ def _stored(out: Path) -> list[tuple[str, int]]:
     return sorted(stored)
 
 
-def _absolute(word: str | os.PathLike[str]) -> str:
-    """A word that means the same elsewhere: paths of what is here are made absolute."""
+def absolute(word: str | os.PathLike[str]) -> str:
+    """A word that means the same elsewhere: paths of what is here are made absolute, also in options and in `file.py:name`."""
     typed = os.fspath(word)
-    return os.path.abspath(typed) if not typed.startswith("-") and os.path.exists(typed) else typed
+    if not typed.startswith("-"):
+        return os.path.abspath(typed) if os.path.exists(typed) else typed
+    option, _, value = typed.partition("=")
+    if option not in _FILES:
+        return typed
+    file, _, name = value.rpartition(":")
+    if file.endswith(".py") and os.path.isfile(file):
+        return f"{option}={os.path.abspath(file)}:{name}"
+    # A name on the PATH, such as python3, is none of a file here.
+    is_here = os.path.exists(value) and (option != "--python" or os.sep in value)
+    return f"{option}={os.path.abspath(value)}" if is_here else typed
