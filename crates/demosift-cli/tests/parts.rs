@@ -4,6 +4,10 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::process::Stdio;
 
+use demosift::math::arithmetic::Arithmetic;
+use demosift::results::artifact;
+use demosift::stages::method::Spent;
+
 use crate::support::{self, Scratch};
 
 const TASK: &str = "--task point_mass --config tiny.toml";
@@ -178,6 +182,11 @@ fn the_oracle_and_the_referee_have_parts_too() {
         assert!(told.ends_with(&format!("demosift {command} --out shared --resume{options}\n")), "{told}");
         let own = scratch.0.join("shared/parts/1-of-2");
         assert!(fs::read_dir(&own).unwrap().count() > 1, "a part has files of its own");
+        if command == "referee" {
+            // As if this part had been made on another kind of machine.
+            let noted = Spent { arithmetic: [Arithmetic::Other].into(), ..Spent::default() };
+            fs::write(own.join("checkpoint_referee.bin"), artifact::write_checkpoint(&(noted, ()))).unwrap();
+        }
         let said = scratch.succeed(&format!("{command} --out shared --resume"));
         assert_eq!(
             said,
@@ -188,6 +197,13 @@ fn the_oracle_and_the_referee_have_parts_too() {
     for name in ["verdict.json", "policy_best.safetensors"] {
         assert!(whole[name] == shared[name], "{name}");
     }
+    let spent = |of: &BTreeMap<String, Vec<u8>>| String::from_utf8(of["spent_referee.json"].clone()).unwrap();
+    assert!(
+        spent(&shared).contains("\"other\"") && !spent(&whole).contains("\"other\""),
+        "{}",
+        spent(&shared)
+    );
+    assert!(!whole.contains_key("checkpoint_referee.bin") && !shared.contains_key("checkpoint_referee.bin"));
 }
 
 /// What the parts concluded of what was kept stays theirs; what they trained is used where it is asked for.

@@ -441,6 +441,32 @@ impl Ledger for RunFolder {
         let found = self.others()?.into_iter().map(|folder| files::read_if_there(&folder.join(name)));
         Ok(found.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
     }
+
+    fn each(&self) -> Result<Vec<Box<dyn Ledger>>> {
+        let others = self.others()?;
+        if others.is_empty() {
+            return Ok(Vec::new());
+        }
+        let all = [self.written()].into_iter().chain(others);
+        Ok(all.map(|folder| Box::new(OneFolder(folder)) as Box<dyn Ledger>).collect())
+    }
+}
+
+/// What lies in one of the folders of a run, to be read alone.
+struct OneFolder(PathBuf);
+
+impl Ledger for OneFolder {
+    fn recall(&self, name: &str) -> Result<Option<Vec<u8>>> {
+        files::read_if_there(&self.0.join(name))
+    }
+
+    fn store(&mut self, name: &str, _: &[u8]) -> Result<()> {
+        unreachable!("{name} is stored in the folder of the run, and not in one that is looked into")
+    }
+
+    fn forget(&mut self, name: &str) -> Result<()> {
+        unreachable!("{name} is forgotten in the folder of the run, and not in one that is looked into")
+    }
 }
 
 /// Writes a file unless it holds these bytes already: a finished run can be read where nothing may be written.
@@ -481,6 +507,8 @@ fn is_left_over(name: &str) -> bool {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
+    use demosift::results::artifact::{self, Artifact as _};
+    use demosift::stages::method::Spent;
     use demosift_gymnasium::trial::Repeats;
 
     use super::*;
@@ -519,6 +547,31 @@ mod tests {
 
     fn part(words: &str) -> Part {
         words.parse().unwrap()
+    }
+
+    /// A training by a trainer as it was before lies under the same name as one by the trainer as it is now.
+    #[test]
+    fn of_several_results_of_a_name_the_one_that_fits_is_found() {
+        let path = scratch("fits");
+        let values = Table::from_iter([("seed".to_owned(), 1.into())]);
+        let mut part = RunFolder::join(path.clone(), part("1/2"), &identity(), &values).unwrap();
+        let spent = |environment_steps| Spent { environment_steps, ..Spent::default() };
+        spent(2).store(&mut part, "x").unwrap();
+        let begun = look_into(&path, true).unwrap();
+        fs::rename(path.join(PARTS), path.join("elsewhere")).unwrap();
+        let mut whole = RunFolder::open(path.clone(), begun.as_ref(), &identity(), &values).unwrap();
+        spent(1).store(&mut whole, "x").unwrap();
+        let fitting = |ledger: &RunFolder, steps| {
+            let fits = |spent: &Spent| spent.environment_steps == steps;
+            artifact::recall_fitting(ledger, "x", fits).unwrap().map(|spent| spent.environment_steps)
+        };
+        assert_eq!([1, 2].map(|steps| fitting(&whole, steps)), [Some(1), None]);
+        fs::rename(path.join("elsewhere"), path.join(PARTS)).unwrap();
+        for folder in [&whole, &part] {
+            assert_eq!([1, 2, 3].map(|steps| fitting(folder, steps)), [Some(1), Some(2), None]);
+        }
+        drop((whole, part));
+        fs::remove_dir_all(&path).unwrap();
     }
 
     /// Of two that start together neither finds a run where it looks for one, so what is begun is looked at once more.
