@@ -4,6 +4,10 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::process::Stdio;
 
+use demosift::math::arithmetic::Arithmetic;
+use demosift::results::artifact;
+use demosift::stages::method::Spent;
+
 use crate::support::{self, Scratch};
 
 const TASK: &str = "--task point_mass --config tiny.toml";
@@ -110,6 +114,45 @@ fn a_part_that_was_killed_is_replaced_by_the_same_line() {
     assert_collected(&scratch, "undivided", "shared");
 }
 
+/// Makes it look as if the process that holds the lock of a folder ran on another machine.
+fn put_elsewhere(folder: &std::path::Path) {
+    let lock = folder.join(".lock");
+    let holder = fs::read_dir(&lock).unwrap().next().unwrap().unwrap().file_name().into_string().unwrap();
+    let (_, rest) = holder.split_once('+').unwrap();
+    fs::rename(lock.join(&holder), lock.join(format!("lab7+{rest}"))).unwrap();
+}
+
+/// Of a process on another machine nobody here can tell whether it is gone, so the part goes on beside it.
+#[test]
+fn a_part_whose_machine_was_lost_is_replaced_by_the_same_line_elsewhere() {
+    let scratch = Scratch::new("parts-moved");
+    let job =
+        format!("judge set {TASK} --judge cloning --set cloning_judge.judging.iterations=60 --threads 1");
+    scratch.succeed(&format!("{job} --out undivided"));
+    let line = format!("{job} --out shared --part 1/2");
+    let kill = |own: &str| {
+        let own = scratch.0.join("shared/parts").join(own);
+        let mut killed = scratch.command(&line).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        let checkpoint = own.join("checkpoint_judge_cloning.bin");
+        while !checkpoint.exists() && killed.try_wait().unwrap().is_none() {
+            std::thread::yield_now();
+        }
+        let _ = killed.kill();
+        killed.wait().unwrap();
+        assert!(checkpoint.exists(), "it was killed before it had done anything");
+        put_elsewhere(&own);
+    };
+    kill("1-of-2");
+    kill("1-of-2.2");
+    let output = scratch.run(&line);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && said.contains("note: part 1/2 was begun by process"), "{said}");
+    assert!(said.contains("of the host lab7") && scratch.0.join("shared/parts/1-of-2.3").is_dir(), "{said}");
+    scratch.succeed(&line.replace("1/2", "2/2"));
+    scratch.succeed("judge --out shared --resume");
+    assert_collected(&scratch, "undivided", "shared");
+}
+
 #[test]
 fn what_a_part_did_not_do_the_whole_does() {
     let scratch = Scratch::new("parts-lost");
@@ -134,8 +177,16 @@ fn the_oracle_and_the_referee_have_parts_too() {
                 scratch.succeed(&format!("{command} {job} --out shared --part {part}"));
             }
         }
-        let made = fs::read_dir(scratch.0.join("shared/parts/1-of-2")).unwrap().count();
-        assert!(made > 1, "a part has files of its own");
+        let told = scratch.succeed(&format!("{command} {job} --out shared --part 1/2"));
+        let options = if command == "oracle" { " --repeats 3" } else { "" };
+        assert!(told.ends_with(&format!("demosift {command} --out shared --resume{options}\n")), "{told}");
+        let own = scratch.0.join("shared/parts/1-of-2");
+        assert!(fs::read_dir(&own).unwrap().count() > 1, "a part has files of its own");
+        if command == "referee" {
+            // As if this part had been made on another kind of machine.
+            let noted = Spent { arithmetic: [Arithmetic::Other].into(), ..Spent::default() };
+            fs::write(own.join("checkpoint_referee.bin"), artifact::write_checkpoint(&(noted, ()))).unwrap();
+        }
         let said = scratch.succeed(&format!("{command} --out shared --resume"));
         assert_eq!(
             said,
@@ -146,6 +197,58 @@ fn the_oracle_and_the_referee_have_parts_too() {
     for name in ["verdict.json", "policy_best.safetensors"] {
         assert!(whole[name] == shared[name], "{name}");
     }
+    let spent = |of: &BTreeMap<String, Vec<u8>>| String::from_utf8(of["spent_referee.json"].clone()).unwrap();
+    assert!(
+        spent(&shared).contains("\"other\"") && !spent(&whole).contains("\"other\""),
+        "{}",
+        spent(&shared)
+    );
+    assert!(!whole.contains_key("checkpoint_referee.bin") && !shared.contains_key("checkpoint_referee.bin"));
+}
+
+/// What the parts concluded of what was kept stays theirs; what they trained is used where it is asked for.
+#[test]
+fn another_keep_after_parts_is_that_of_one_process() {
+    let scratch = Scratch::new("parts-keep");
+    let job = format!("set {TASK} --judge cloning");
+    scratch.succeed(&format!("referee {job} --out undivided"));
+    for command in ["judge", "referee"] {
+        for _ in 0..4 {
+            for part in ["1/2", "2/2"] {
+                scratch.succeed(&format!("{command} {job} --out shared --part {part}"));
+            }
+        }
+    }
+    // As parts of before wrote them, beside what they trained.
+    for name in ["verdict.json", "subset.json", "policy_best.safetensors", "policy_best.onnx"] {
+        fs::copy(scratch.0.join("undivided").join(name), scratch.0.join("shared/parts/1-of-2").join(name))
+            .unwrap();
+    }
+    // Before anybody collected them, and then with each of what was asked before.
+    for keep in ["2", "quarter", "2"] {
+        for folder in ["undivided", "shared"] {
+            scratch.succeed(&format!("referee --out {folder} --resume --keep {keep}"));
+        }
+        let (whole, shared) = (results(&scratch, "undivided"), results(&scratch, "shared"));
+        for name in
+            ["resolved.toml", "subset.json", "verdict.json", "policy_best.safetensors", "policy_best.onnx"]
+        {
+            assert!(whole[name] == shared[name], "{name} of --keep {keep}");
+        }
+    }
+    // A part of the new one finds nothing of the old one either.
+    for _ in 0..4 {
+        for part in ["1/2", "2/2"] {
+            scratch.succeed(&format!("referee {job} --keep 2 --out shared --part {part}"));
+        }
+    }
+    scratch.succeed("select --out shared --resume --keep 3");
+    let left = scratch.files("shared");
+    assert!(
+        !left.contains_key("verdict.json") && !left.contains_key("policy_best.onnx"),
+        "{:?}",
+        left.keys()
+    );
 }
 
 #[test]
@@ -165,4 +268,21 @@ fn what_a_part_cannot_do_is_one_error() {
     assert!(said.contains("the run folder is of another run"), "{said}");
     let said = complaint(&format!("judge set {TASK} --judge cloning --keep 3 --out shared --part 2/2"));
     assert!(said.contains("another --keep"), "{said}");
+    let said = complaint("judge set --prior shared --out standing --part 1/2");
+    assert!(said.contains("--part 1/2 and --prior do not go together"), "{said}");
+    assert!(!scratch.0.join("standing").exists());
+}
+
+/// Each round of weighing starts from the one before, so parts would all do the same.
+#[test]
+fn weighing_is_done_once_and_not_by_a_part() {
+    let scratch = Scratch::new("parts-weights");
+    let job = format!("set {TASK} --keep weights --judge cloning --set subset_selection.rounds=2");
+    scratch.succeed(&format!("meta-train {job} --out shared"));
+    scratch.succeed("judge --out shared --resume");
+    let part = format!("referee {job} --out shared --part 1/2");
+    scratch
+        .refuse(&part, &["part 1/2 of the run needs the weights", "hint: make them with `demosift weigh`"]);
+    scratch.succeed("weigh --out shared --resume");
+    scratch.succeed(&part);
 }

@@ -218,13 +218,16 @@ fn an_experiment_becomes_cells_figures_numbers_and_a_page() {
 }
 
 #[test]
-fn parts_and_threads_change_nothing_and_a_part_is_drawn_already() {
+fn parts_and_threads_change_nothing_and_a_part_writes_no_page_but_where_it_is_asked_for() {
     let scratch = scratch("reproduce-parts");
     scratch.succeed("reproduce tiny.toml --out one --threads 1");
     let part = scratch.succeed("reproduce tiny.toml --out two --part 1/2 --threads 2");
-    assert!(read(&scratch, "two/tiny.md").contains("**This result is partial.**"), "{part}");
-    assert!(read(&scratch, "two/curves.svg").starts_with("<svg "));
+    assert!(!part.is_empty() && scratch.files("two").is_empty(), "{:?}", scratch.files("two").keys());
+    scratch.succeed("reproduce tiny.toml --out two --part 1/2 --page part/tiny.md");
+    assert!(read(&scratch, "part/tiny.md").contains("**This result is partial.**"));
+    assert!(read(&scratch, "part/curves.svg").starts_with("<svg "));
     scratch.succeed("reproduce tiny.toml --out two --part 2/2");
+    assert!(scratch.files("two").is_empty(), "{:?}", scratch.files("two").keys());
     scratch.succeed("reproduce tiny.toml --out two");
     assert_eq!(results(&scratch, "two/tiny.json"), results(&scratch, "one/tiny.json"));
     let before = scratch.files("two/cells");

@@ -87,7 +87,12 @@ fn a_file_that_is_deleted_is_made_again() {
         assert_same_files(&whole, &scratch.files("run"));
     }
     // A kill may have come between keeping a result and forgetting the checkpoint.
-    for name in ["checkpoint_meta_train.bin", "checkpoint_judge_cloning.bin", ".scores_paper.json.partial"] {
+    for name in [
+        "checkpoint_meta_train.bin",
+        "checkpoint_judge_cloning.bin",
+        ".scores_paper.json.partial",
+        ".scores_paper.json.7-0-0123abcd.partial",
+    ] {
         fs::write(scratch.0.join("run").join(name), "left").unwrap();
     }
     scratch.succeed("sift --out run --resume");
@@ -253,6 +258,7 @@ fn nothing_is_written_through_a_link() {
         "report.html",
         "ranking.json",
         ".report.html.partial",
+        ".report.html.7-0-0123abcd.partial",
     ] {
         let link = scratch.0.join("run").join(name);
         let _ = fs::remove_file(&link);

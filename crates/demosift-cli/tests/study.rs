@@ -115,6 +115,8 @@ fn it_goes_on_after_a_kill_and_threads_and_parts_change_nothing() {
 
     for part in ["1/2", "2/2", "1/2"] {
         scratch.succeed(&format!("study tiny.toml --out parts --part {part}"));
+        // Nobody knows which part would be the last to write.
+        assert!(scratch.files("parts").is_empty(), "{:?}", scratch.files("parts").keys());
     }
     scratch.succeed("study tiny.toml --out parts");
     assert_eq!(results(&scratch, "parts"), whole);
@@ -376,6 +378,14 @@ fn each_mistake_of_a_user_is_told() {
             "judges = \"paper\"",
             "judges = \"both\"",
             vec!["the method 'paper'", "judges = both, and a method asks one"],
+        ),
+        (
+            "meta_train.rounds = 2",
+            "meta_train.rounds = 2\nportable = true",
+            vec![
+                "portable = true stands in some values of the study and not in all",
+                "[judging] and [training]",
+            ],
         ),
         ("rule = \"ranks\"\n", "\n", vec!["the method 'mean of ranks' has one of rule and of"]),
         (

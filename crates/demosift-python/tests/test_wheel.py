@@ -10,6 +10,7 @@ import io
 import json
 import os
 import pathlib
+import pickle
 import signal
 import stat
 import subprocess
@@ -18,8 +19,10 @@ import tempfile
 import threading
 import time
 import unittest
+from unittest import mock
 
 import demosift
+import demosift.parts
 import numpy
 
 CHECKOUT = pathlib.Path(__file__).resolve().parents[3]
@@ -295,6 +298,130 @@ class InParts(InScratch):
             )
             self.assertEqual((shared.folder / "prior.safetensors").exists(), is_learned)
             self.assertTrue((shared.folder / f"scores_{judges}.json").exists())
+
+    def test_names_of_here_are_found_from_elsewhere(self):
+        pathlib.Path("my_train.py").write_text(LEAST_SQUARES)
+        pathlib.Path("elsewhere").mkdir()
+
+        def elsewhere(function, items):
+            before = os.getcwd()
+            os.chdir("elsewhere")
+            try:
+                return [function(item) for item in items]
+            finally:
+                os.chdir(before)
+
+        asked = {**FAST, "referee": "trainer=3", "task": "point_mass", "progress": False, "trainer": "my_train.py:train"}
+        demosift.sift(drives([0, 10, 170]), out="shared", map=elsewhere, parts=2, **asked)
+        self.assertTrue(list(pathlib.Path("shared/inputs").glob("arrays-*.npz")), "what is in memory goes where all see it")
+        self.assertFalse(pathlib.Path("runs").exists())
+
+    def test_words_name_files_from_any_folder(self):
+        for name in ["my_env.py", "set.hdf5", "values.toml"]:
+            pathlib.Path(name).touch()
+        pathlib.Path("gymnasium").mkdir()
+        here = os.getcwd()
+        for typed, wanted in [
+            ("set.hdf5", f"{here}/set.hdf5"),
+            ("--env=my_env.py:make", f"--env={here}/my_env.py:make"),
+            ("--heuristic=my_env.py:score", f"--heuristic={here}/my_env.py:score"),
+            ("--config=values.toml", f"--config={here}/values.toml"),
+            ("--env=gymnasium:HalfCheetah-v5", None),
+            ("--heuristic=negated min gap", None),
+            ("--python=python3", None),
+            ("--trainer=no_file.py:train", None),
+            ("--keep=5", None),
+        ]:
+            self.assertEqual(demosift.parts.absolute(typed), wanted or typed)
+
+    def test_a_part_that_fails_takes_no_other_with_it(self):
+        def loses(function, items):
+            return [RuntimeError("the machine is lost") if item == "1/2" else function(item) for item in items]
+
+        def breaks(function, items):
+            yield function(items[1])
+            raise RuntimeError("a process of the pool was killed")
+
+        for out, way in [("lost", loses), ("broken", breaks)]:
+            with self.assertWarnsRegex(UserWarning, "a part of the run failed, and the others go on: .* (lost|killed)"):
+                self.shared(way, out)
+            os.rename("undivided", f"undivided-{out}")
+        asked = {**FAST, "task": "point_mass", "progress": False, "parts": 2}
+        with self.assertRaisesRegex(RuntimeError, "the machine is lost"):
+            demosift.sift(drives([0, 10]), out="all", map=lambda function, items: [RuntimeError("the machine is lost")] * 2, **asked)
+        demosift.sift(drives([0, 10]), task="point_mass", out="other", progress=False, **FAST)
+        with self.assertRaisesRegex(demosift.Mistake, "the run folder is of another run") as caught:
+            demosift.sift(drives([0, 170]), out="other", map=map, **asked)
+        self.assertIn("another folder", caught.exception.hint)
+
+    def test_what_does_not_wait_is_refused(self):
+        class Future:
+            cancelled = 0
+
+            def cancel(self):
+                Future.cancelled += 1
+
+        with self.assertRaisesRegex(demosift.Mistake, "map returned a Future in the place of what a part found") as caught:
+            demosift.sift(
+                drives([0, 10]), task="point_mass", out="run", progress=False, parts=2,
+                map=lambda function, items: [Future() for _ in items], **FAST,
+            )
+        self.assertIn("client.get_executor().map", caught.exception.hint)
+        self.assertEqual(Future.cancelled, 2)
+
+    def asked_of(self, stages, goals, left):
+        """What the command is asked where so much is open, the parts leaving `left` to others, one round each."""
+        asked, rounds = [], iter(left)
+
+        def ask(words, **_):
+            asked.append(words[0])
+
+        def ask_json(words, **_):
+            if "--dry-run" in words:
+                return {"stages": [{"stage": stage} for stage in stages], "goals": goals}
+            asked.append(f"{words[0]} {words[-1]}")
+            return {"left": next(rounds)}
+
+        with mock.patch.multiple("demosift.command", ask=ask, ask_json=ask_json):
+            demosift.parts.in_parts(["set"], pathlib.Path("run"), 1, map)
+        return asked
+
+    def test_each_stage_is_asked_for_where_something_of_it_is_left(self):
+        judge, referee = "judge --part=1/1", "referee --part=1/1"
+        self.assertEqual(self.asked_of([], [], []), [])
+        self.assertEqual(self.asked_of(["judge_cloning", "referee"], [], [[], []]), [judge, referee])
+        # The folders of the goals are made by who collects.
+        self.assertEqual(self.asked_of(["judge_cloning", "referee"], ["left", "right"], [[]]), [judge])
+        self.assertEqual(self.asked_of(["meta_train", "judge_paper"], [], [[]]), ["meta-train", judge])
+        weights = ["subset_selection", "referee"]
+        self.assertEqual(self.asked_of(weights, [], [[]]), ["meta-train", "weigh", referee])
+        # Whoever shares out judges what no part has judged.
+        self.assertEqual(self.asked_of(["judge_cloning", "referee"], [], [["1 is left"]] * 2 + [[]]), [judge, judge, "judge", referee])
+        # What changes nothing any more is not asked for a hundred times.
+        self.assertEqual(self.asked_of(["referee"], [], [["3 are left"]] * 5), [referee] * 2)
+
+    def test_ctrl_c_ends_the_jobs_of_submitit_and_one_at_its_limit_goes_on(self):
+        from demosift import engines
+
+        class Job:
+            cancelled = False
+
+            def result(self):
+                raise KeyboardInterrupt
+
+            def cancel(self):
+                self.cancelled = True
+
+        jobs, sent = [Job(), Job()], []
+        executor = mock.Mock(map_array=lambda function, items: sent.append(function) or jobs)
+        with self.assertRaises(KeyboardInterrupt):
+            engines.submitit(executor)(str, [1, 2])
+        self.assertTrue(all(job.cancelled for job in jobs))
+        again = pickle.loads(pickle.dumps(sent[0]))
+        helpers = mock.Mock(DelayedSubmission=lambda *submitted: submitted)
+        with mock.patch.dict(sys.modules, {"submitit": mock.Mock(helpers=helpers), "submitit.helpers": helpers}):
+            self.assertEqual(again.__submitit_checkpoint__(7), (again, 7))
+        self.assertEqual(again(7), "7")
 
     @unittest.skipUnless(has("ray"), "Ray is not installed")
     def test_ray(self):

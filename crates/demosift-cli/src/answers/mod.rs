@@ -295,6 +295,8 @@ pub(crate) struct DryRun<'a> {
     pub(crate) dry_run: bool,
     pub(crate) episodes_may_end_early: bool,
     pub(crate) threads: usize,
+    /// Those of a task that has several; empty where it has one.
+    pub(crate) goals: &'a [String],
     pub(crate) run_folder: &'a Path,
 }
 

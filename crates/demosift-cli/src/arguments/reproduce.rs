@@ -42,7 +42,7 @@ pub(crate) struct ReproduceArguments {
     #[arg(long, conflicts_with = "dry_run")]
     pub(crate) table: bool,
     /// Write the page, with its figures, numbers and results beside it, to this file, or to files in this folder
-    /// [default: <out>/<name>.md]
+    /// [default: <out>/<name>.md, and none by a --part]
     #[arg(long, value_name = "FILE.md|DIR", conflicts_with = "dry_run")]
     pub(crate) page: Option<PathBuf>,
     /// Write a page here that says of each claim of these experiments whether it holds

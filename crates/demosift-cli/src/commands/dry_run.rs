@@ -49,7 +49,18 @@ pub(super) fn show(forecast: &Forecast, task: &dyn Task, folder: &Path, argument
     if arguments.json {
         let episodes_may_end_early = task.may_end_early();
         let run_folder = folder;
-        terminal::show_json(&DryRun { forecast, dry_run: true, episodes_may_end_early, threads, run_folder });
+        let goals = match &task.specification().variants[..] {
+            [_] => &[],
+            several => several,
+        };
+        terminal::show_json(&DryRun {
+            forecast,
+            dry_run: true,
+            episodes_may_end_early,
+            threads,
+            goals,
+            run_folder,
+        });
         return;
     }
     terminal::show(&tables::forecast::in_words(forecast, threads));

@@ -1,10 +1,10 @@
 //! `demosift judge`: MetaPrior → ScoreTable.
 
-use demosift::Result;
 use demosift::results::panel::{Judge, Judges, Order, Panel};
 use demosift::run::experiment;
 use demosift::run::forecast::Goal;
 use demosift::stages::judge::ScoreTable;
+use demosift::{Error, Result};
 
 use super::{dry_run, kept_in, part, standing};
 use crate::answers::{self, OfRun};
@@ -17,8 +17,15 @@ use crate::{console::terminal, tables};
 
 pub(crate) fn run(arguments: &JudgeArguments) -> Result<()> {
     let JudgeArguments { job: arguments, prior, part: PartArgument { part } } = arguments;
-    if let Some(prior) = prior {
-        return standing::run(arguments, prior);
+    match (prior, part) {
+        (Some(_), Some(part)) => {
+            return Err(Error::bad_config(format!(
+                "--part {part} and --prior do not go together: what is judged from the prior of an earlier run is not shared out"
+            ))
+            .with_hint("leave --part away; to share them out, judge some with --episodes on each machine"));
+        }
+        (Some(prior), None) => return standing::run(arguments, prior),
+        _ => {}
     }
     let mut job = Job::open_part(arguments, Prior::Needed, *part)?;
     if arguments.run.dry_run {
@@ -78,7 +85,7 @@ fn share(job: &mut Job, json: bool) -> Result<()> {
         let scores = job.run(|run| experiment::scores(run, *judge));
         left.extend(part::left(scores)?.map(|left| format!("{left} by {}", tables::panel::in_words(*judge))));
     }
-    part::done(job, "judge", &left, json);
+    part::done(job, "judge", "", &left, json);
     Ok(())
 }
 

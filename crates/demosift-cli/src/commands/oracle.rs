@@ -25,7 +25,11 @@ pub(crate) fn run(arguments: &OracleArguments) -> Result<()> {
     let oracle = job.run(|run| experiment::oracle(run, repeats, random));
     if arguments.part.part.is_some() {
         let left = part::left(oracle)?;
-        part::done(&job, "oracle", left.as_slice(), arguments.job.run.json);
+        let options = match random {
+            0 => format!(" --repeats {repeats}"),
+            _ => format!(" --repeats {repeats} --random {random}"),
+        };
+        part::done(&job, "oracle", &options, left.as_slice(), arguments.job.run.json);
         return Ok(());
     }
     let oracle = oracle?;

@@ -16,8 +16,8 @@ pub(super) fn left<T>(outcome: Result<T>) -> Result<Option<String>> {
     }
 }
 
-/// Says that the part is done, and what is left to others.
-pub(super) fn done(job: &Job, command: &str, left: &[String], json: bool) {
+/// Says that the part is done, and what is left to others; `options` are those of the command that the run does not know.
+pub(super) fn done(job: &Job, command: &str, options: &str, left: &[String], json: bool) {
     let Some(part) = job.part() else { return };
     let run_folder = job.folder().path();
     if json {
@@ -29,7 +29,7 @@ pub(super) fn done(job: &Job, command: &str, left: &[String], json: bool) {
         left => left.join(", "),
     };
     terminal::show(&format!(
-        "Part {part} is done; {state}.\n\nThe results of all parts: demosift {command} --out {} --resume\n",
+        "Part {part} is done; {state}.\n\nThe results of all parts: demosift {command} --out {} --resume{options}\n",
         quoted_path(run_folder)
     ));
 }

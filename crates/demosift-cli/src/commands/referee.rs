@@ -29,7 +29,7 @@ fn share(arguments: &JobArguments, part: Part) -> Result<()> {
             .with_hint("say which with --variant; `demosift task check` lists them"));
     }
     let left = part::left(job.run(verdict))?;
-    part::done(&job, "referee", left.as_slice(), arguments.run.json);
+    part::done(&job, "referee", "", left.as_slice(), arguments.run.json);
     Ok(())
 }
 

@@ -103,9 +103,10 @@ fn one(
     studied.gather()?;
     let results = studied.results()?;
     let beside = out.join(format!("{}.md", results.compact.study.name));
-    // Where only what is there is shown, nothing is written that is not asked for.
+    // Where only what is there is shown, nothing is written that is not asked for; and parts would write the same files.
     let page = match (page_of(arguments, &results.compact), arguments.table) {
         (Some(page), _) => Some(page),
+        (None, _) if arguments.cells.part.is_some() => None,
         (None, true) if !out.is_dir() => None,
         (None, _) => Some(beside),
     };

@@ -46,7 +46,8 @@ pub(crate) fn run(arguments: &StudyArguments) -> Result<()> {
     studied.gather()?;
     let Results { compact, bytes } = studied.results()?;
     let summary = summary::summarize(&compact.study, &compact.finished);
-    if !arguments.table {
+    // Parts would write the same file, each of what it saw.
+    if !arguments.table && arguments.cells.part.is_none() {
         studied.folder.store_results(RESULTS, &bytes)?;
     }
     if let Some(path) = &arguments.write {

@@ -23,6 +23,9 @@ const ABOUT_ONE: [&str; 6] = [
     "report.html",
 ];
 
+/// The folder of a run in which its parts have theirs.
+pub(crate) const PARTS: &str = "parts";
+
 /// What was last asked for, as far as it may be asked for differently: a preset changes nothing of it.
 pub(crate) fn last(begun: &Table) -> Table {
     resolved::changeable(begun)
@@ -37,11 +40,19 @@ pub(crate) fn remember(folder: &Path, begun: &Table, values: &mut Table) {
     }
 }
 
-/// Whether any demonstration was judged, so that it matters for how many.
+/// Whether any demonstration was judged, here or by a part that nobody has collected yet, so that it matters for how many.
 fn has_judged(folder: &Path) -> bool {
     let begins = |name: &str| name.starts_with("scores_") || name.starts_with("checkpoint_judge");
-    let names = fs::read_dir(folder).into_iter().flatten().filter_map(std::result::Result::ok);
-    names.into_iter().any(|entry| begins(&entry.file_name().to_string_lossy()))
+    let names =
+        |folder: &Path| fs::read_dir(folder).into_iter().flatten().filter_map(std::result::Result::ok);
+    let holds = |folder: &Path| names(folder).any(|entry| begins(&entry.file_name().to_string_lossy()));
+    holds(folder) || names(&folder.join(PARTS)).any(|part| holds(&part.path()))
+}
+
+/// Whether a file is about one `keep` without saying by its name about which: that of a part may be about another one than the
+/// run is asked for now.
+pub(crate) fn is_about_one_keep(name: &str) -> bool {
+    ABOUT_ONE.contains(&name)
 }
 
 /// Whether a run folder is one of what is asked for now.

@@ -143,10 +143,7 @@ fn name_in(lock: &Path) -> std::io::Result<Option<String>> {
 }
 
 fn busy(holder: &Holder, folder: &Path, lock: &Path) -> Error {
-    Error::bad_input(format!(
-        "another command writes into this folder: process {} of the host {}",
-        holder.process, holder.host
-    ))
+    Error::bad_input(format!("another command writes into this folder: {holder}"))
     .at(folder)
     .with_hint(format!(
         "wait until it is done, or give another folder to --out; where there is no such process any more, delete {}",
@@ -158,6 +155,13 @@ fn unknown(folder: &Path, lock: &Path) -> Error {
     Error::bad_input("it cannot be told who writes into this folder")
         .at(folder)
         .with_hint(format!("where nobody does, delete {}", lock.display()))
+}
+
+/// Who holds the lock of a folder and runs where it cannot be told from here whether it is still there: on another machine, or
+/// in another container of this one.
+pub(crate) fn held_elsewhere(folder: &Path, name: &str) -> Option<Holder> {
+    let held = name_in(&folder.join(format!(".lock{name}"))).ok().flatten()?;
+    Holder::of(&held).filter(|holder| !holder.can_be_told(&Holder::me()))
 }
 
 /// Whether a folder holds the lock of a process, be it alive or gone.
@@ -177,7 +181,7 @@ pub(crate) fn is_one(name: &str) -> bool {
 
 /// Who holds a lock.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct Holder {
+pub(crate) struct Holder {
     host: String,
     /// Distinguishes machines of the same name, and whether it is the same that was started again; empty where nothing tells.
     machine: String,
@@ -226,15 +230,27 @@ impl Holder {
         })
     }
 
-    /// Whether there is no such process any more, as far as this one can tell; of another machine it can tell nothing.
+    /// Whether there is no such process any more, as far as this one can tell.
     fn is_gone(&self, me: &Self) -> bool {
+        self.can_be_told(me) && (self.boot != me.boot || !is_alive(self.process, self.began))
+    }
+
+    /// Whether this process can tell if that one is there; of another machine it can tell nothing.
+    fn can_be_told(&self, me: &Self) -> bool {
         if (&self.host, &self.machine) != (&me.host, &me.machine) {
             return false;
         }
-        if self.boot != me.boot {
-            return !me.machine.is_empty();
+        match self.boot == me.boot {
+            true => self.namespace == me.namespace,
+            // The machine was started again, if it is the same one.
+            false => !me.machine.is_empty(),
         }
-        self.namespace == me.namespace && !is_alive(self.process, self.began)
+    }
+}
+
+impl std::fmt::Display for Holder {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(out, "process {} of the host {}", self.process, self.host)
     }
 }
 
@@ -322,6 +338,8 @@ mod tests {
             let wanted = format!("process {} of the host {}", holder.process, holder.host);
             assert!(error.is_bad_input() && error.to_string().contains(&wanted), "{error}");
             assert!(error.hint().unwrap().contains(".lock"));
+            let is_elsewhere = holder.host == "lab7";
+            assert_eq!(held_elsewhere(&folder, ""), is_elsewhere.then_some(holder));
             fs::remove_dir_all(folder.join(".lock")).unwrap();
         }
         child.kill().unwrap();

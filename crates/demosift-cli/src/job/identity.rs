@@ -11,7 +11,7 @@ use toml::Table;
 
 use crate::configuration;
 use crate::configuration::resolved::fixed;
-use crate::task::simulator::{Earlier, Simulator};
+use crate::task::simulator::{self, Earlier, Simulator};
 
 /// What a run depends on besides its configuration; kept in `run.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -96,8 +96,26 @@ pub(crate) struct Begun {
     pub(crate) configuration: Table,
 }
 
-/// The task was held against the run's before its goal was looked for, in [`crate::job::request::Request`].
+/// Whether a run is about the same task as one that is there, in the same environment by the same versions.
+pub(super) fn check_same_task(old: &Identity, now: &Identity) -> Result<()> {
+    let hash = |of: &Identity| of.task_sha256.clone().unwrap_or_else(|| "none".to_owned());
+    let pair = |what: &str, old: String, new: String| (old != new).then(|| (what.to_owned(), old, new));
+    // What is called something else is of other files too.
+    let differs = pair("the task", old.task.clone(), now.task.clone())
+        .or_else(|| simulator::difference(old.simulator.as_ref(), now.simulator.as_ref()))
+        .or_else(|| pair("the SHA-256 of the task's files", hash(old), hash(now)));
+    match differs {
+        Some((what, old, new)) => Err(of_another_run(&what, &old, &new)),
+        None => Ok(()),
+    }
+}
+
+/// Whether what is to be done now is the same run in all that it depends on.
+///
+/// A run that was there was asked for its task before its goal was looked for, in [`crate::job::request::Request`]; one that
+/// another part has begun since then has not been.
 pub(super) fn check_same(begun: &Begun, identity: &Identity, configuration: &Table) -> Result<()> {
+    check_same_task(&begun.identity, identity)?;
     let sha256 = |identity: &Identity| identity.data.as_ref().map(|data| data.sha256.clone());
     let old = &begun.identity;
     let columns = |identity: &Identity| match (&identity.data, &old.data) {
@@ -144,7 +162,7 @@ pub(super) fn check_same(begun: &Begun, identity: &Identity, configuration: &Tab
 }
 
 /// A run folder cannot go on with something else.
-pub(super) fn of_another_run(what: &str, old: &str, new: &str) -> Error {
+fn of_another_run(what: &str, old: &str, new: &str) -> Error {
     Error::bad_config(format!("the run folder is of another run: {what} was {old} there, and is {new} now"))
         .with_hint("take back the change, or give another folder to --out")
 }

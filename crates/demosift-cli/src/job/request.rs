@@ -100,7 +100,9 @@ impl Request {
             None => task::choose(name.ok_or_else(none)?)?,
         };
         if let Some(begun) = &begun {
-            check_task(&begun.identity, &chosen).map_err(|error| error.at(&out))?;
+            // Said before its demonstrations are found not to fit.
+            let now = identity_of(&chosen, None, None);
+            identity::check_same_task(&begun.identity, &now).map_err(|error| error.at(&out))?;
         }
         let identities = begun.iter().map(|begun| &begun.identity).chain(given.map(|given| &given.identity));
         let begun_under = || identities.clone().find_map(|identity| identity.variant.as_deref());
@@ -222,21 +224,6 @@ fn layers(arguments: &RunArguments) -> Result<Vec<Layer>> {
         layers.push(Layer { source: "--portable".to_owned(), values });
     }
     Ok(layers)
-}
-
-/// Whether the run that is there is about the same task; said before its demonstrations are found not to fit.
-fn check_task(begun: &Identity, chosen: &Chosen) -> Result<()> {
-    let hash = |sha256: &Option<String>| sha256.clone().unwrap_or_else(|| "none".to_owned());
-    let pair = |what: &str, old: String, new: String| (old != new).then(|| (what.to_owned(), old, new));
-    let now = chosen.simulated.as_ref().map(Simulated::identity);
-    // What is called something else is of other files too.
-    let differs = pair("the task", begun.task.clone(), chosen.name.clone())
-        .or_else(|| simulator::difference(begun.simulator.as_ref(), now.as_ref()))
-        .or_else(|| pair("the SHA-256 of the task's files", hash(&begun.task_sha256), hash(&chosen.sha256)));
-    match differs {
-        Some((what, old, new)) => Err(identity::of_another_run(&what, &old, &new)),
-        None => Ok(()),
-    }
 }
 
 /// `runs/TASK`, or `runs/TASK_VARIANT` for a run about one goal; always within `runs`.

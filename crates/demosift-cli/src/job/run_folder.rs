@@ -16,14 +16,16 @@ use serde::Deserialize;
 use toml::Table;
 
 use super::identity::{Begun, Identity, check_same, first_format};
-use crate::configuration::asked_again;
+use crate::configuration::asked_again::{self, PARTS, is_about_one_keep};
 use crate::configuration::resolved::{self, RESOLVED};
-use crate::console::interruption;
+use crate::console::{interruption, terminal};
 use crate::files::lock::{self, Lock};
 use crate::files::metrics_file::MEASURED;
 use crate::files::writing::undisturbed;
 
 const RUN: &str = "run.json";
+/// The folder in which the wheel puts what a run in parts was given from memory (`demosift/runs.py`), before the run begins.
+const INPUTS: &str = "inputs";
 
 /// `--resume` names a folder without a run, and nothing else says what should begin there.
 pub(crate) fn nothing_to_resume(folder: &Path) -> Error {
@@ -53,7 +55,9 @@ pub(crate) fn look_into(folder: &Path, resume: bool) -> Result<Option<Begun>> {
     names.sort();
     let begun = names.iter().any(|name| name == RUN);
     // A run that was killed while it began leaves these only, and has done nothing yet.
-    let empty = names.iter().all(|name| name == RESOLVED || lock::is_one(name) || is_left_over(name));
+    let is_of_ours =
+        |name: &String| name == RESOLVED || name == INPUTS || lock::is_one(name) || is_left_over(name);
+    let empty = names.iter().all(is_of_ours);
     match (begun, resume) {
         (false, _) if empty => Ok(None),
         (false, _) => Err(Error::bad_input(format!(
@@ -140,16 +144,43 @@ struct Written {
 #[derive(Debug)]
 pub(crate) struct RunFolder {
     path: PathBuf,
-    /// Which part of the run's work is done here; its files are written into a folder of their own.
-    part: Option<Part>,
+    /// Which part of the run's work is done here.
+    share: Option<Share>,
     lock: Option<Lock>,
     /// What is there instead of the files, where nothing may be written; `None` for a file that is taken to be away.
     unwritten: Option<BTreeMap<String, Option<Vec<u8>>>>,
 }
 
+/// A part of a run's work, whose files are written into a folder of their own.
+#[derive(Debug)]
+struct Share {
+    part: Part,
+    folder: PathBuf,
+    /// The folders of those that began the part on other machines, whose checkpoints it goes on from.
+    before: Vec<PathBuf>,
+}
+
+impl Share {
+    /// A part in the folder of its name, or in one beside it: where somebody of another machine holds the lock of the first,
+    /// nobody here can know whether that machine was lost, and two folders do no harm.
+    fn of(run: &Path, part: Part) -> Self {
+        let (parts, name, mut before) = (run.join(PARTS), part.name(), Vec::new());
+        let mut folder = parts.join(&name);
+        while let Some(holder) = lock::held_elsewhere(&folder, "") {
+            terminal::say(&format!(
+                "note: part {part} was begun by {holder}, and this takes its place; if that one still works, one of them does \
+                 it in vain"
+            ));
+            before.push(folder);
+            folder = parts.join(format!("{name}.{}", before.len() + 1));
+        }
+        Self { part, folder, before }
+    }
+}
+
 impl RunFolder {
     fn at(path: PathBuf) -> Self {
-        Self { path, part: None, lock: None, unwritten: None }
+        Self { path, share: None, lock: None, unwritten: None }
     }
 
     /// Begins a run, or goes on with the one in the folder if that depends on the same things.
@@ -188,7 +219,8 @@ impl RunFolder {
         Ok(folder)
     }
 
-    /// Copies what parts of the run have finished; their checkpoints and measurements stay where they are.
+    /// Copies what parts of the run have finished; their checkpoints and measurements stay where they are, and what follows
+    /// from what is kept is made of the rest, for the `keep` that is asked for.
     fn collect(&mut self) -> Result<()> {
         let mut parts = self.others()?;
         parts.retain(|folder| *folder != self.path);
@@ -196,9 +228,12 @@ impl RunFolder {
             for name in names_in(&part)? {
                 let is_result =
                     [".json", ".safetensors", ".onnx"].iter().any(|ending| name.ends_with(ending));
-                if is_result && !name.starts_with('.') && name != MEASURED && !self.path.join(&name).exists()
-                {
-                    let bytes = files::read(&part.join(&name))?;
+                let is_of_part = name.starts_with('.') || name == MEASURED || is_about_one_keep(&name);
+                if !is_result || is_of_part || self.path.join(&name).exists() {
+                    continue;
+                }
+                // The part may be at work, and replace it.
+                if let Some(bytes) = files::read_if_there(&part.join(&name))? {
                     self.store(&name, &bytes)?;
                 }
             }
@@ -224,7 +259,7 @@ impl RunFolder {
             .at(&path)
             .with_hint("ask the whole run for it, with --resume and without --part"));
         }
-        let folder = Self { part: Some(part), ..Self::at(path) };
+        let folder = Self { share: Some(Share::of(&path, part)), ..Self::at(path) };
         let own = folder.written();
         fs::create_dir_all(&own)
             .map_err(|error| Error::io("cannot make the folder of the part", &own, &error))?;
@@ -261,10 +296,7 @@ impl RunFolder {
 
     /// The folder into which results are written: that of the part, where only a part of the work is done.
     pub(crate) fn written(&self) -> PathBuf {
-        match self.part {
-            Some(part) => self.path.join(PARTS).join(part.name()),
-            None => self.path.clone(),
-        }
+        self.share.as_ref().map_or_else(|| self.path.clone(), |share| share.folder.clone())
     }
 
     /// The other folders of the run: the whole, seen from a part, and those of its parts.
@@ -286,9 +318,6 @@ impl RunFolder {
         Ok(folders)
     }
 }
-
-/// The folder of a run in which its parts have theirs.
-const PARTS: &str = "parts";
 
 /// How the names of checkpoints begin, of which each part has another.
 const CHECKPOINT: &str = "checkpoint_";
@@ -330,13 +359,6 @@ fn names_in(folder: &Path) -> Result<Vec<String>> {
     Ok(names)
 }
 
-fn recalled(path: &Path) -> Result<Option<Vec<u8>>> {
-    match fs::symlink_metadata(path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-        _ => files::read(path).map(Some),
-    }
-}
-
 impl Ledger for RunFolder {
     fn claim(&mut self) -> Result<()> {
         if self.lock.is_none() {
@@ -351,13 +373,20 @@ impl Ledger for RunFolder {
         if let Some(instead) = self.unwritten.as_ref().and_then(|unwritten| unwritten.get(name)) {
             return Ok(instead.clone());
         }
-        let own = recalled(&self.written().join(name))?;
-        if own.is_some() || name.starts_with(CHECKPOINT) {
+        if is_about_one_keep(name) {
+            return files::read_if_there(&self.path.join(name));
+        }
+        let own = files::read_if_there(&self.written().join(name))?;
+        if own.is_some() {
             return Ok(own);
         }
         // A result is the same whoever made it.
-        for folder in self.others()? {
-            if let Some(found) = recalled(&folder.join(name))? {
+        let others = match name.starts_with(CHECKPOINT) {
+            true => self.share.iter().flat_map(|share| share.before.clone()).collect(),
+            false => self.others()?,
+        };
+        for folder in others {
+            if let Some(found) = files::read_if_there(&folder.join(name))? {
                 return Ok(Some(found));
             }
         }
@@ -365,9 +394,14 @@ impl Ledger for RunFolder {
     }
 
     /// What is there already is not written again, so that a finished run may lie on a disk that is only read.
+    ///
+    /// What follows from what is kept is written by the whole run alone: the folder of a part may outlive another `keep`.
     fn store(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
         if let Some(unwritten) = &mut self.unwritten {
             unwritten.insert(name.to_owned(), Some(bytes.to_vec()));
+            return Ok(());
+        }
+        if self.share.is_some() && is_about_one_keep(name) {
             return Ok(());
         }
         let path = self.written().join(name);
@@ -381,6 +415,9 @@ impl Ledger for RunFolder {
     fn forget(&mut self, name: &str) -> Result<()> {
         if let Some(unwritten) = &mut self.unwritten {
             unwritten.insert(name.to_owned(), None);
+            return Ok(());
+        }
+        if self.share.is_some() && is_about_one_keep(name) {
             return Ok(());
         }
         let path = self.written().join(name);
@@ -397,12 +434,38 @@ impl Ledger for RunFolder {
     }
 
     fn part(&self) -> Option<Part> {
-        self.part
+        self.share.as_ref().map(|share| share.part)
     }
 
     fn of_parts(&self, name: &str) -> Result<Vec<Vec<u8>>> {
-        let found = self.others()?.into_iter().map(|folder| recalled(&folder.join(name)));
+        let found = self.others()?.into_iter().map(|folder| files::read_if_there(&folder.join(name)));
         Ok(found.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect())
+    }
+
+    fn each(&self) -> Result<Vec<Box<dyn Ledger>>> {
+        let others = self.others()?;
+        if others.is_empty() {
+            return Ok(Vec::new());
+        }
+        let all = [self.written()].into_iter().chain(others);
+        Ok(all.map(|folder| Box::new(OneFolder(folder)) as Box<dyn Ledger>).collect())
+    }
+}
+
+/// What lies in one of the folders of a run, to be read alone.
+struct OneFolder(PathBuf);
+
+impl Ledger for OneFolder {
+    fn recall(&self, name: &str) -> Result<Option<Vec<u8>>> {
+        files::read_if_there(&self.0.join(name))
+    }
+
+    fn store(&mut self, name: &str, _: &[u8]) -> Result<()> {
+        unreachable!("{name} is stored in the folder of the run, and not in one that is looked into")
+    }
+
+    fn forget(&mut self, name: &str) -> Result<()> {
+        unreachable!("{name} is forgotten in the folder of the run, and not in one that is looked into")
     }
 }
 
@@ -437,6 +500,108 @@ fn remove_left_over(folder: &Path) -> Result<()> {
 /// Whether a name is that of a write of ours which did not come to its end.
 fn is_left_over(name: &str) -> bool {
     const KINDS: [&str; 7] = ["json", "toml", "bin", "safetensors", "onnx", "html", "hdf5"];
-    let written = name.strip_prefix('.').and_then(|name| name.strip_suffix(".partial"));
-    written.and_then(|name| name.rsplit_once('.')).is_some_and(|(_, kind)| KINDS.contains(&kind))
+    let written = files::Unfinished::of(name).and_then(|write| write.name.rsplit_once('.'));
+    written.is_some_and(|(_, kind)| KINDS.contains(&kind))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use demosift::results::artifact::{self, Artifact as _};
+    use demosift::stages::method::Spent;
+    use demosift_gymnasium::trial::Repeats;
+
+    use super::*;
+    use crate::task::simulator::Simulator;
+
+    fn scratch(name: &str) -> PathBuf {
+        let folder = std::env::temp_dir().join(format!("demosift-run-{}-{name}", std::process::id()));
+        let _ = fs::remove_dir_all(&folder);
+        fs::create_dir_all(&folder).unwrap();
+        folder
+    }
+
+    fn identity() -> Identity {
+        Identity {
+            demosift: "1.0.0".to_owned(),
+            format: FORMAT_VERSION,
+            task: "my_env.py:make".to_owned(),
+            task_sha256: Some("ab".to_owned()),
+            variant: None,
+            simulator: Some(Simulator {
+                python: PathBuf::from("python3"),
+                heuristic: "return".to_owned(),
+                measure: None,
+                horizon: 100,
+                versions: BTreeMap::from([("numpy".to_owned(), "2.0.0".to_owned())]),
+                repeats: Repeats::Exactly,
+                bounds: Vec::new(),
+                spec: None,
+                trusted: false,
+            }),
+            data: None,
+            prior: None,
+            configuration_sha256: String::new(),
+        }
+    }
+
+    fn part(words: &str) -> Part {
+        words.parse().unwrap()
+    }
+
+    /// A training by a trainer as it was before lies under the same name as one by the trainer as it is now.
+    #[test]
+    fn of_several_results_of_a_name_the_one_that_fits_is_found() {
+        let path = scratch("fits");
+        let values = Table::from_iter([("seed".to_owned(), 1.into())]);
+        let mut part = RunFolder::join(path.clone(), part("1/2"), &identity(), &values).unwrap();
+        let spent = |environment_steps| Spent { environment_steps, ..Spent::default() };
+        spent(2).store(&mut part, "x").unwrap();
+        let begun = look_into(&path, true).unwrap();
+        fs::rename(path.join(PARTS), path.join("elsewhere")).unwrap();
+        let mut whole = RunFolder::open(path.clone(), begun.as_ref(), &identity(), &values).unwrap();
+        spent(1).store(&mut whole, "x").unwrap();
+        let fitting = |ledger: &RunFolder, steps| {
+            let fits = |spent: &Spent| spent.environment_steps == steps;
+            artifact::recall_fitting(ledger, "x", fits).unwrap().map(|spent| spent.environment_steps)
+        };
+        assert_eq!([1, 2].map(|steps| fitting(&whole, steps)), [Some(1), None]);
+        fs::rename(path.join("elsewhere"), path.join(PARTS)).unwrap();
+        for folder in [&whole, &part] {
+            assert_eq!([1, 2, 3].map(|steps| fitting(folder, steps)), [Some(1), Some(2), None]);
+        }
+        drop((whole, part));
+        fs::remove_dir_all(&path).unwrap();
+    }
+
+    /// Of two that start together neither finds a run where it looks for one, so what is begun is looked at once more.
+    #[test]
+    fn a_part_that_joins_is_held_against_what_another_one_began() {
+        let (folder, values) = (scratch("joins"), Table::from_iter([("seed".to_owned(), 1.into())]));
+        let of = |change: &dyn Fn(&mut Identity)| {
+            let mut identity = identity();
+            change(&mut identity);
+            identity
+        };
+        let numpy = |identity: &mut Identity| {
+            let simulator = identity.simulator.as_mut().unwrap();
+            simulator.versions.insert("numpy".to_owned(), "2.1.0".to_owned());
+        };
+        RunFolder::join(folder.clone(), part("1/2"), &identity(), &values).unwrap();
+        RunFolder::join(folder.clone(), part("2/2"), &identity(), &values).unwrap();
+        for (other, wanted) in [
+            (of(&numpy), "the version of numpy was 2.0.0 there, and is 2.1.0 now"),
+            (
+                of(&|identity| identity.task_sha256 = Some("cd".to_owned())),
+                "SHA-256 of the task's files was ab",
+            ),
+            (of(&|identity| identity.task = "other.py:make".to_owned()), "the task was my_env.py:make"),
+            (of(&|identity| identity.simulator = None), "the task was an environment of --env"),
+            (of(&|identity| identity.demosift = "2.0.0".to_owned()), "the version of demosift was 1.0.0"),
+        ] {
+            let error = RunFolder::join(folder.clone(), part("2/2"), &other, &values).unwrap_err();
+            assert!(error.is_bad_config() && error.message().contains(wanted), "{error}");
+        }
+        fs::remove_dir_all(&folder).unwrap();
+    }
 }

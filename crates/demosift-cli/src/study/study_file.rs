@@ -8,6 +8,7 @@ use demosift::basics::files;
 use demosift::data::demonstration::DemonstrationSet;
 use demosift::data::demonstration::episode::{Columns, Format};
 use demosift::data::demonstration::open;
+use demosift::math::arithmetic;
 use demosift::results::panel::Judges;
 use demosift::results::recording::Origin;
 use demosift::run::experiment::{self, Config};
@@ -150,6 +151,7 @@ pub(crate) fn open(asked: &Asked<'_>) -> Result<Opened> {
         return Err(Error::bad_input(format!("nothing is left of the study. {why}")).with_hint(hint));
     }
     study.check().map_err(|error| error.at(path))?;
+    make_portable_if_asked(&sets).map_err(|error| error.at(path))?;
     let methods: Vec<&str> = study.methods.iter().map(|method| method.name.as_str()).collect();
     let only = Only { sets: None, methods: asked.only.methods.as_ref().map(|typed| names(typed, &methods)) };
     study.check_only(&only).map_err(|error| error.at(path))?;
@@ -158,6 +160,24 @@ pub(crate) fn open(asked: &Asked<'_>) -> Result<Opened> {
 
 fn draws_nothing(file: &File) -> bool {
     file.curves.is_none() && file.weights.is_none() && file.figures.is_empty() && file.claims.is_empty()
+}
+
+/// A process computes one way, so what is portable is all of a study or nothing.
+fn make_portable_if_asked(sets: &[OpenedSet]) -> Result<()> {
+    let of_set = |set: &OpenedSet| {
+        let of_methods = set.methods.iter().map(|(_, config)| config.portable);
+        of_methods.chain([set.training.portable]).collect::<Vec<_>>()
+    };
+    let asked: Vec<bool> = sets.iter().flat_map(of_set).collect();
+    if asked.iter().all(|is_asked| *is_asked) {
+        arithmetic::make_portable();
+    } else if asked.contains(&true) {
+        return Err(Error::bad_config(
+            "portable = true stands in some values of the study and not in all, and a process computes one way",
+        )
+        .with_hint("write it into the values of both [judging] and [training], and into no method, or nowhere"));
+    }
+    Ok(())
 }
 
 /// What is drawn of the sets that are there: what names others alone is left out.

@@ -4,13 +4,14 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use demosift::basics::files::{self, Unfinished};
 use demosift::basics::part::Part;
-use demosift::basics::{files, seal};
+use demosift::basics::seal;
 use demosift::run::experiment::Config;
 use demosift::run::study::{Cell, Fingerprint, Work, hash_of_entering};
 use demosift::{Error, Result};
 
-use crate::console::interruption;
+use crate::console::{interruption, terminal};
 use crate::files::lock::{self, Lock};
 use crate::files::writing::undisturbed;
 use crate::study::study_file::OpenedSet;
@@ -81,10 +82,27 @@ impl StudyFolder {
         let cells = self.path.join(CELLS);
         fs::create_dir_all(&cells)
             .map_err(|error| Error::io("cannot make the folder of the study", &cells, &error))?;
-        let name = part.map_or(String::new(), |part| format!("_{}", part.name()));
+        let name = part.map_or(String::new(), |part| self.lock_of(part));
         self.lock = Some(lock::take(&self.path, &name)?);
+        [&self.path, &cells].into_iter().try_for_each(|folder| remove_left_over(folder))?;
         interruption::run_is_in(&self.path);
         Ok(())
+    }
+
+    /// The name of a part's lock, or of one beside it: where somebody of another machine holds the first, nobody here can know
+    /// whether that machine was lost, and a cell that two make is the same.
+    fn lock_of(&self, part: Part) -> String {
+        let first = format!("_{}", part.name());
+        let (mut name, mut number) = (first.clone(), 1);
+        while let Some(holder) = lock::held_elsewhere(&self.path, &name) {
+            terminal::say(&format!(
+                "note: part {part} was begun by {holder}, and this takes its place; if that one still works, both make the same \
+                 cells"
+            ));
+            number += 1;
+            name = format!("{first}.{number}");
+        }
+        name
     }
 
     pub(crate) fn path(&self) -> &Path {
@@ -97,11 +115,7 @@ impl StudyFolder {
 
     pub(crate) fn recall(&self, work: &Work, fingerprint: &Fingerprint) -> Result<Recalled> {
         let path = self.file(work);
-        let bytes = match fs::read(&path) {
-            Ok(bytes) => bytes,
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Recalled::Nothing),
-            Err(error) => return Err(Error::io("cannot read the cell", &path, &error)),
-        };
+        let Some(bytes) = files::read_if_there(&path)? else { return Ok(Recalled::Nothing) };
         let Ok(bytes) = seal::of_json_if_sealed(bytes, "the cell") else {
             return Ok(Recalled::NotBelieved("a file that was damaged"));
         };
@@ -142,4 +156,17 @@ impl StudyFolder {
         let path = self.path.join(format!("{name}.json"));
         undisturbed(|| files::write_atomically(&path, bytes))
     }
+}
+
+/// Removes what killed processes of this machine left behind; other parts may be writing at the same time.
+fn remove_left_over(folder: &Path) -> Result<()> {
+    let failed = |error: std::io::Error| Error::io("cannot tidy the folder of the study", folder, &error);
+    for entry in fs::read_dir(folder).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        if Unfinished::of(&entry.file_name().to_string_lossy()).is_some_and(|write| write.is_left_over()) {
+            // Another part may have been faster.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+    Ok(())
 }

@@ -36,12 +36,12 @@ _WANTED = {
 }
 
 
-def named(function: str | Callable[..., Any], what: str) -> str:
+def named(function: str | Callable[..., Any], what: str, home: Path = HOME) -> str:
     """A function as the command takes it: ``file.py:name`` or ``module:name``; text is taken as it is.
 
     What lies in a file is named, and imported by the workers.
     What has no name there (a lambda, a function within another, one of a notebook or of the script that runs) is written to
-    a file in `runs` by cloudpickle.
+    a file in `home` by cloudpickle.
     """
     if isinstance(function, str):
         return function
@@ -52,7 +52,7 @@ def named(function: str | Callable[..., Any], what: str) -> str:
     module_name, name = getattr(function, "__module__", None), getattr(function, "__qualname__", None)
     module = sys.modules.get(module_name or "")
     if module is None or module_name == "__main__" or name is None or _found(module, name) is not function:
-        return _pickled(function, what)
+        return _pickled(function, what, home)
     assert module_name is not None
     # A package, too, is imported by its name: run as a file it would not find what lies in it.
     if "." in module_name or hasattr(module, "__path__") or getattr(module, "__file__", None) is None:
@@ -74,7 +74,7 @@ def _own_folders() -> list[str]:
     return [folder for folder in folders if os.path.isdir(folder) and not folder.startswith(installed)]
 
 
-def _pickled(function: Callable[..., Any], what: str) -> str:
+def _pickled(function: Callable[..., Any], what: str, home: Path) -> str:
     try:
         import cloudpickle
     except ImportError as error:
@@ -87,7 +87,7 @@ def _pickled(function: Callable[..., Any], what: str) -> str:
     # A lambda's is no name.
     name = own if own.isidentifier() else "function"
     text = _PICKLED.format(lines=pickled.strip(), folders=_own_folders(), name=name).encode()
-    path = HOME / f"function-{hashlib.sha256(text).hexdigest()[:12]}.py"
+    path = home / f"function-{hashlib.sha256(text).hexdigest()[:12]}.py"
     if not path.exists():
         write_whole(path, lambda file: file.write(text))
     return f"{Path(path).absolute()}:{name}"

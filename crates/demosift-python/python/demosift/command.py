@@ -90,9 +90,9 @@ def ask(words: Sequence[str | os.PathLike[str]], bar: bool = False, notes: bool 
     raise (Mistake if code == MISTAKE else Failed)(error, hint, said)
 
 
-def ask_json(words: Sequence[str | os.PathLike[str]], bar: bool = False) -> Any:
+def ask_json(words: Sequence[str | os.PathLike[str]], bar: bool = False, notes: bool = True) -> Any:
     """The same with ``--json``, read."""
-    return json.loads(ask([*words, "--json"], bar))
+    return json.loads(ask([*words, "--json"], bar, notes))
 
 
 def options(**given: Any) -> list[str]:

@@ -16,11 +16,13 @@ from . import command
 from .callables import named
 from .engines import Map
 from .errors import Mistake
-from .parts import in_parts
+from .parts import absolute, in_parts
 from .policies import Policy
-from .sets import Episode
+from .sets import HOME, Episode, open_in
 from .sets import open as open_set
 
+#: The folder of a run in parts for what was given to it from memory.
+_INPUTS = "inputs"
 #: Which judge and which referee an imitator means.
 _IMITATION = {
     "cloning": {"judge": "cloning", "values": ["referee.gail=0"]},
@@ -230,7 +232,17 @@ def sift(
     With `dry_run` no run is begun, and what it would cost is returned: the answer of ``--dry-run --json``, with `stages`,
     `environment_steps` and `minutes`.
     """
+    home = HOME
+    if map is not None or parts is not None:
+        if map is None or parts is None or out is None:
+            raise Mistake("map, parts and out go together: who calls, how many parts there are, and the folder they share")
+        out = Path(out).absolute()
+        resume = True
+        if not dry_run:
+            # Whoever takes part sees the folder of the run, and perhaps nothing else of here.
+            home = out / _INPUTS
     job = _job(
+        home=home,
         env=env,
         trainer=trainer,
         heuristic=heuristic,
@@ -249,14 +261,9 @@ def sift(
         if options.get("referee") is None:
             words += _IMITATION[imitation]["values"]
     sets = [word for value in words for word in ("--set", value)]
-    asked = [*open_set(demonstrations).words(), *job, *sets]
-    if map is not None or parts is not None:
-        if map is None or parts is None or out is None:
-            raise Mistake("map, parts and out go together: who calls, how many parts there are, and the folder they share")
-        out = Path(out).absolute()
-        resume = True
-        if not dry_run:
-            in_parts([*asked, *command.options(out=out, **options)], options, parts, map)
+    asked = [*open_in(home, demonstrations).words(), *job, *sets]
+    if map is not None and parts is not None and out is not None and not dry_run:
+        in_parts([absolute(word) for word in [*asked, *command.options(out=out, **options)]], Path(out), parts, map)
     how = command.options(out=out, resume=resume, dry_run=dry_run, **options)
     answer: dict[str, Any] = command.ask_json(["sift", *asked, *how], bar=progress)
     return answer if dry_run else Result(answer["run_folder"])
@@ -332,6 +339,7 @@ def export(result: Result | str | os.PathLike[str], form: str, out: str | os.Pat
 
 def _job(
     *,
+    home: Path = HOME,
     env: str | Callable[[], Any] | None,
     python: str | os.PathLike[str] | None,
     trainer: str | Callable[..., Any] | None = None,
@@ -341,7 +349,7 @@ def _job(
 ) -> list[str]:
     """The environment or task, the trainer, and what is measured, as options."""
     functions = {"env": env, "trainer": trainer, "heuristic": heuristic, "measure": measure}
-    ours = {what: None if function is None else named(function, what) for what, function in functions.items()}
+    ours = {what: None if function is None else named(function, what, home) for what, function in functions.items()}
     if ours["env"] or ours["trainer"]:
         ours["python"] = os.fspath(python or sys.executable)
     return command.options(**ours, **options)

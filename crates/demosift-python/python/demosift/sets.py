@@ -61,6 +61,12 @@ class Set:
 
             demosift.Set.from_arrays([(observations, actions), ...])
         """
+        return Set._of_arrays(pairs, path, HOME)
+
+    @staticmethod
+    def _of_arrays(
+        pairs: Iterable[tuple[Any, Any]], path: str | os.PathLike[str] | None, home: Path
+    ) -> Set:
         import numpy
 
         observed, acted, starts = [], [], []
@@ -89,7 +95,7 @@ class Set:
             "episode_starts": numpy.concatenate(starts),
         }
         digest = hashlib.sha256(b"".join(array.tobytes() for array in arrays.values()))
-        target = HOME / f"arrays-{digest.hexdigest()[:12]}.npz" if path is None else Path(path)
+        target = home / f"arrays-{digest.hexdigest()[:12]}.npz" if path is None else Path(path)
         if path is not None and target.exists():
             raise Mistake(f"this exists already: {target}", "give a path that is free")
         if not target.exists():
@@ -172,12 +178,25 @@ def open(
         demonstrations = demosift.open("lift.hdf5", columns=["obs/joints", "obs/object"])
         len(demonstrations), demonstrations[0].observations.shape
     """
+    return open_in(HOME, path, columns=columns, action_columns=action_columns, format=format, episodes=episodes)
+
+
+def open_in(
+    home: Path,
+    path: Any,
+    *,
+    columns: Sequence[str] | None = None,
+    action_columns: Sequence[str] | None = None,
+    format: str | None = None,
+    episodes: str | None = None,
+) -> Set:
+    """The same, where arrays from memory are written into the folder `home`."""
     if isinstance(path, Set):
         return path
     chosen = episodes
     if not isinstance(path, (str, os.PathLike)):
         if isinstance(path, (list, tuple)):
-            return Set.from_arrays(path)
+            return Set._of_arrays(path, None, home)
         path, known = _place_of(path)
         chosen = chosen or known
     return Set(Path(path), format, tuple(columns or ()), tuple(action_columns or ()), chosen)

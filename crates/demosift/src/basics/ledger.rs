@@ -34,6 +34,16 @@ pub trait Ledger: Send {
         let _ = name;
         Ok(Vec::new())
     }
+
+    /// What all who work on the run have stored, each by itself and this one first; none where there is one alone.
+    ///
+    /// [`recall`](Self::recall) finds the first result of a name; this is for results of which another one may be meant.
+    ///
+    /// # Errors
+    /// `is_io` if it cannot be looked for.
+    fn each(&self) -> Result<Vec<Box<dyn Ledger>>> {
+        Ok(Vec::new())
+    }
 }
 
 /// A ledger that lasts as long as the process.

@@ -43,7 +43,15 @@ pub fn make_portable() {
 impl Arithmetic {
     /// That of this process.
     pub fn of_this_process() -> Self {
-        if is_portable() && Self::of_processor() != Self::X86 { Self::Portable } else { Self::of_processor() }
+        Self::of(Self::of_processor(), is_portable())
+    }
+
+    /// That of a processor: the same on unlike ones only where all of them have what it is made of.
+    fn of(processor: Self, is_portable: bool) -> Self {
+        match processor {
+            Self::X86V3 | Self::X86V4 if is_portable => Self::Portable,
+            other => other,
+        }
     }
 
     #[cfg(target_arch = "x86_64")]
@@ -77,5 +85,17 @@ impl std::fmt::Display for Arithmetic {
             Self::Other => "other",
         }
         .fmt(out)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Arithmetic::{self, Other, Portable, X86, X86V3, X86V4};
+
+    #[test]
+    fn only_where_it_is_the_same_bits_it_is_called_portable() {
+        let asked = [X86V4, X86V3, X86, Other].map(|processor| Arithmetic::of(processor, true));
+        assert_eq!(asked, [Portable, Portable, X86, Other]);
+        assert_eq!(Arithmetic::of(X86V4, false), X86V4);
     }
 }

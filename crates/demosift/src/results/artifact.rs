@@ -56,6 +56,27 @@ pub trait Artifact: Sized {
     fn recall(ledger: &dyn Ledger, part: &str) -> Result<Option<Self>>;
 }
 
+/// The first result of a name that fits, of all who work on the run: one of another trainer, say, may lie before it.
+///
+/// # Errors
+/// Those of [`Artifact::recall`].
+pub fn recall_fitting<T: Artifact>(
+    ledger: &dyn Ledger,
+    part: &str,
+    fits: impl Fn(&T) -> bool,
+) -> Result<Option<T>> {
+    let each = ledger.each()?;
+    if each.is_empty() {
+        return Ok(T::recall(ledger, part)?.filter(fits));
+    }
+    for one in each {
+        if let Some(found) = T::recall(one.as_ref(), part)?.filter(&fits) {
+            return Ok(Some(found));
+        }
+    }
+    Ok(None)
+}
+
 /// Reads a result from JSON; `what` names it in errors.
 fn recall_json<T: DeserializeOwned>(ledger: &dyn Ledger, name: &str) -> Result<Option<T>> {
     let Some(bytes) = ledger.recall(name)? else { return Ok(None) };

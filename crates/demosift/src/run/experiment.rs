@@ -62,7 +62,7 @@ use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::learning::adapt::{InnerUpdate, MetaPrior};
 use crate::learning::behavioral_cloning::Cloning;
-use crate::results::artifact::{Artifact, onnx};
+use crate::results::artifact::{self, Artifact, onnx};
 use crate::results::data_only::{self, DataOnly};
 use crate::results::panel::{Judge, Judges, Order, Panel};
 use crate::results::uncertainty::Uncertainty;
@@ -79,7 +79,7 @@ use crate::world::rollout::Playground;
 use arrows::Arrow;
 pub use asked_trainer::{TrainerJudge, check_judged_by};
 pub use checkpointing::{Checkpointing, forget_checkpoint};
-pub(crate) use checkpointing::{OfPart, begun, stage_name, states_of_parts};
+pub(crate) use checkpointing::{OfPart, begun, note_work_on, stage_name, states_of_parts, worked_on_by};
 pub use checks::{check, check_demonstrator, check_fits, check_has_weights};
 pub(crate) use chosen::cut;
 use chosen::cut_of_judging;
@@ -242,6 +242,12 @@ pub fn weighing(run: &mut Run<'_>, prior: &MetaPrior) -> Result<Weighing> {
         check_known(run.set, weighing.demos.iter().copied(), "weights.json")?;
         return Ok(weighing);
     }
+    if let Some(part) = run.ledger.part() {
+        return Err(Error::bad_input(format!(
+            "part {part} of the run needs the weights of the demonstrations, which are found once, and the run has none"
+        ))
+        .with_hint("make them with `demosift weigh` and the same options but --part, and start the parts then"));
+    }
     check_has_weights(run.config.method)?;
     let Run { set, playground, config, ledger, observer } = run;
     let by = weighed_by(config);
@@ -326,9 +332,8 @@ fn learning_curve_with(
     seed: &Seed,
 ) -> Result<LearningCurve> {
     let Run { set, playground, config, ledger, observer } = run;
-    if let Some(curve) = LearningCurve::recall(*ledger, part)?
-        && curve.demos == demos
-    {
+    let fits = |curve: &LearningCurve| curve.demos == demos;
+    if let Some(curve) = artifact::recall_fitting(*ledger, part, fits)? {
         // Again, in case that the run was killed between the two.
         forget_checkpoint(*ledger, imitate::STAGE, part);
         onnx::store_policy(*ledger, part, &curve.best, playground.specification())?;

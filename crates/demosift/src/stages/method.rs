@@ -225,8 +225,7 @@ fn affordable(prices: impl Iterator<Item = u64>, budget: u64) -> usize {
 pub struct Spent {
     /// Environment steps in all, evaluations among them.
     pub environment_steps: u64,
-    /// The arithmetic of each process that worked on it, and of the referee of the one that decided; of several, the same seed need
-    /// not give the same bits elsewhere.
+    /// The arithmetic of each process that worked on it; of several, the same seed need not give the same bits elsewhere.
     pub arithmetic: BTreeSet<Arithmetic>,
 }
 

@@ -81,6 +81,31 @@ pub(crate) fn states_of_parts<State: serde::de::DeserializeOwned>(
     ledger.of_parts(&checkpoint)?.into_iter().map(read).collect()
 }
 
+/// Writes down that this process makes pieces of a stage, which are results by themselves: its checkpoint says only with what
+/// they were computed, for whoever brings them together.
+pub(crate) fn note_work_on(ledger: &mut dyn Ledger, stage: &str) -> Result<()> {
+    let mut arithmetic = noted_here(ledger, stage)?;
+    arithmetic.insert(Arithmetic::of_this_process());
+    let noted = Counted(Spent { environment_steps: 0, arithmetic }, &());
+    ledger.store(&artifact::checkpoint_name(stage, ""), &artifact::write_checkpoint(&noted))
+}
+
+/// The arithmetic of all processes that noted work on a stage, here and in the parts of the run.
+pub(crate) fn worked_on_by(ledger: &dyn Ledger, stage: &str) -> Result<BTreeSet<Arithmetic>> {
+    let mut all = noted_here(ledger, stage)?;
+    for OfPart { spent, state: () } in states_of_parts(ledger, stage, "")? {
+        all.extend(spent.arithmetic);
+    }
+    Ok(all)
+}
+
+fn noted_here(ledger: &dyn Ledger, stage: &str) -> Result<BTreeSet<Arithmetic>> {
+    let name = artifact::checkpoint_name(stage, "");
+    let Some(bytes) = ledger.recall(&name)? else { return Ok(BTreeSet::new()) };
+    let (spent, ()) = artifact::read_checkpoint::<(Spent, ())>(&bytes, &name)?;
+    Ok(spent.arithmetic)
+}
+
 impl<'a> Checkpointing<'a> {
     /// The state of a stage: that of its last checkpoint, or a new one.
     pub fn begin<State: Snapshot + serde::de::DeserializeOwned>(
@@ -189,6 +214,45 @@ mod tests {
 
     fn full() -> Error {
         Error::io("cannot write", std::path::Path::new("disk"), &std::io::ErrorKind::StorageFull.into())
+    }
+
+    /// A run with what its parts have stored.
+    #[derive(Default)]
+    struct Shared {
+        own: InMemory,
+        part: InMemory,
+    }
+
+    impl Ledger for Shared {
+        fn recall(&self, name: &str) -> Result<Option<Vec<u8>>> {
+            self.own.recall(name)
+        }
+
+        fn store(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+            self.own.store(name, bytes)
+        }
+
+        fn forget(&mut self, name: &str) -> Result<()> {
+            self.own.forget(name)
+        }
+
+        fn of_parts(&self, name: &str) -> Result<Vec<Vec<u8>>> {
+            Ok(self.part.recall(name)?.into_iter().collect())
+        }
+    }
+
+    #[test]
+    fn with_what_pieces_were_computed_is_known_to_who_brings_them_together() {
+        let mut ledger = Shared::default();
+        assert!(worked_on_by(&ledger, "referee").expect("memory").is_empty());
+        let older = Spent { arithmetic: [Arithmetic::X86].into(), ..Spent::default() };
+        let noted = artifact::write_checkpoint(&Counted(older, &()));
+        ledger.part.store(&artifact::checkpoint_name("referee", ""), &noted).expect("memory");
+        for _ in 0..2 {
+            note_work_on(&mut ledger, "referee").expect("memory");
+        }
+        let wanted = BTreeSet::from([Arithmetic::X86, Arithmetic::of_this_process()]);
+        assert_eq!(worked_on_by(&ledger, "referee").expect("memory"), wanted);
     }
 
     fn tiny() -> Config {

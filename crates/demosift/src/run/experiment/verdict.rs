@@ -1,13 +1,12 @@
 //! The referee's trainings, each stored as a file of its own as it is finished, and what they say.
 
-use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rayon::prelude::*;
 
 use super::asked_trainer::{self, Asks};
-use super::{Config, Run};
+use super::{Config, Run, forget_checkpoint, note_work_on, worked_on_by};
 use crate::basics::error::{Error, Result};
 use crate::basics::ledger::Ledger;
 use crate::basics::observer::{Event, Observer, Silent};
@@ -42,8 +41,9 @@ pub fn verdict(run: &mut Run<'_>, kept: &[NamedSubset]) -> Result<Verdict> {
     }
     let candidates = referee::candidates(&run.set.ids(), kept)?;
     if let Some(verdict) = recalled(run, &candidates)? {
-        // Again, in case that it was changed since.
+        // Again, in case that it was changed since, or that the run was killed between the two.
         store_best(run, &verdict)?;
+        forget_work(run);
         return Ok(verdict);
     }
     run.ledger.claim()?;
@@ -90,10 +90,20 @@ fn recalled(run: &Run<'_>, candidates: &[Candidate]) -> Result<Option<Verdict>> 
 fn store(run: &mut Run<'_>, verdict: &Verdict, played: u64) -> Result<()> {
     store_best(run, verdict)?;
     if played > 0 {
-        let arithmetic = BTreeSet::from([Arithmetic::of_this_process()]);
+        let mut arithmetic = worked_on_by(run.ledger, STAGE)?;
+        arithmetic.insert(Arithmetic::of_this_process());
         Spent { environment_steps: played, arithmetic }.store(run.ledger, STAGE)?;
     }
-    verdict.store(run.ledger, "")
+    verdict.store(run.ledger, "")?;
+    forget_work(run);
+    Ok(())
+}
+
+/// Forgets who made trainings, once the verdict says so; that of a part is for whoever collects.
+fn forget_work(run: &mut Run<'_>) {
+    if run.ledger.part().is_none() {
+        forget_checkpoint(run.ledger, STAGE, "");
+    }
 }
 
 /// Stores the policy to be handed over, as far as its training is stored. That of a trainer is handed over where it is a file
@@ -107,7 +117,8 @@ fn store_best(run: &mut Run<'_>, verdict: &Verdict) -> Result<()> {
         // Of a verdict of before.
         run.ledger.forget(&name)?;
         let of_onnx = format!("policy_{BEST}.onnx");
-        return match ByTrainer::recall(run.ledger, &part)?.and_then(|by| by.onnx) {
+        let fits = |by: &ByTrainer| Some(&by.trainer) == verdict.trainer.as_ref();
+        return match artifact::recall_fitting(run.ledger, &part, fits)?.and_then(|by| by.onnx) {
             Some(onnx) => run.ledger.store(&of_onnx, &onnx),
             None => run.ledger.forget(&of_onnx),
         };
@@ -189,12 +200,11 @@ fn recalled_training(
     trainer: Option<&TrainerIdentity>,
 ) -> Result<Option<Made>> {
     if imitator == Imitator::Trainer {
-        let found = ByTrainer::recall(ledger, part)?;
-        let found = found.filter(|by| by.demos == demos && Some(&by.trainer) == trainer);
-        return Ok(found.as_ref().map(Made::from));
+        let fits = |by: &ByTrainer| by.demos == demos && Some(&by.trainer) == trainer;
+        return Ok(artifact::recall_fitting(ledger, part, fits)?.as_ref().map(Made::from));
     }
-    let found = LearningCurve::recall(ledger, part)?.filter(|curve| curve.demos == demos);
-    Ok(found.as_ref().map(Made::from))
+    let fits = |curve: &LearningCurve| curve.demos == demos;
+    Ok(artifact::recall_fitting(ledger, part, fits)?.as_ref().map(Made::from))
 }
 
 /// The random numbers of a training: the same for every pair.
@@ -278,6 +288,7 @@ fn train(ground: Ground<'_>, unit: Unit, own: bool, shared: &Mutex<Shared<'_>>) 
             let lesson = Lesson { set, playground, imitation: &imitation, part: &part, seed: &seed };
             let curve = imitate::imitate(&lesson, start, &mut Silent).map_err(|error| error.during(&part))?;
             let mut shared = lock(shared);
+            note_work_on(shared.ledger, STAGE)?;
             curve.store(shared.ledger, &part)?;
             (Made::from(&curve), shared)
         }
@@ -286,6 +297,7 @@ fn train(ground: Ground<'_>, unit: Unit, own: bool, shared: &Mutex<Shared<'_>>) 
             let evaluations = config.imitate.evaluations;
             let by = referee::train_by(trainer, set, &demos, playground, evaluations, &seed)?;
             let mut shared = lock(shared);
+            note_work_on(shared.ledger, STAGE)?;
             by.store(shared.ledger, &part)?;
             (Made::from(&by), shared)
         }
