@@ -151,7 +151,7 @@ pub(crate) fn open(asked: &Asked<'_>) -> Result<Opened> {
         return Err(Error::bad_input(format!("nothing is left of the study. {why}")).with_hint(hint));
     }
     study.check().map_err(|error| error.at(path))?;
-    make_portable_if_asked(&sets).map_err(|error| error.at(path))?;
+    make_portable_if_asked(&sets, trains(&file)).map_err(|error| error.at(path))?;
     let methods: Vec<&str> = study.methods.iter().map(|method| method.name.as_str()).collect();
     let only = Only { sets: None, methods: asked.only.methods.as_ref().map(|typed| names(typed, &methods)) };
     study.check_only(&only).map_err(|error| error.at(path))?;
@@ -162,11 +162,17 @@ fn draws_nothing(file: &File) -> bool {
     file.curves.is_none() && file.weights.is_none() && file.figures.is_empty() && file.claims.is_empty()
 }
 
+/// Whether it may train policies.
+fn trains(file: &File) -> bool {
+    let lists = !(file.pools.is_empty() && file.referees.is_empty());
+    lists || file.oracle.is_some() || file.regret.is_some() || file.curves.is_some()
+}
+
 /// A process computes one way, so what is portable is all of a study or nothing.
-fn make_portable_if_asked(sets: &[OpenedSet]) -> Result<()> {
+fn make_portable_if_asked(sets: &[OpenedSet], trains: bool) -> Result<()> {
     let of_set = |set: &OpenedSet| {
         let of_methods = set.methods.iter().map(|(_, config)| config.portable);
-        of_methods.chain([set.training.portable]).collect::<Vec<_>>()
+        of_methods.chain(trains.then_some(set.training.portable)).collect::<Vec<_>>()
     };
     let asked: Vec<bool> = sets.iter().flat_map(of_set).collect();
     if asked.iter().all(|is_asked| *is_asked) {
