@@ -44,7 +44,9 @@ unsafe extern "C" fn listen(message: *const MjLogMessage) {
     }
 }
 
-/// Ends the process: who returned from here would go on in a simulation that is broken.
+/// Ends the process: who returned from here would go on in a simulation that is broken, and MuJoCo's own handler ends it as well.
+/// Files are written whole or not at all, and a lock whose process is gone is taken over.
+#[allow(clippy::disallowed_methods)]
 fn give_up(said: &str) -> ! {
     // Names in it come from files, and a terminal obeys some letters.
     let first = said.lines().next().unwrap_or_default().trim().replace(char::is_control, "?");

@@ -3,9 +3,9 @@
 use demosift::run::study::bodies;
 use demosift::run::study::claims::{Case, Decided, Said};
 use demosift::run::study::compact::Compact;
-use demosift::run::study::estimate::{Difference, ENOUGH_SEEDS};
+use demosift::run::study::estimate::{Difference, ENOUGH_SEEDS, Spread};
 use demosift::run::study::summary::Summary;
-use demosift::run::study::told::{self, Spread, Told};
+use demosift::run::study::told::{self, Told};
 use demosift::run::study::{By, Measure, imitator_name};
 
 use crate::study::experiments;

@@ -8,9 +8,9 @@ use serde::Serialize;
 
 use super::Finished;
 use super::choice::{Kept, TopK};
+use super::estimate::Spread;
 use super::parts::Set;
 use super::plan::Study;
-use super::told::Spread;
 use super::truth::Truth;
 use super::work::top;
 use crate::learning::adapt::Rule;

@@ -7,8 +7,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::curves::deviation;
 use crate::basics::seed::Seed;
-use crate::math::statistics::{mean, mean_at, mean_of, quantile, resample, standard_error};
+use crate::math::statistics::{mean, mean_at, mean_of, mean_or_zero, quantile, resample, standard_error};
 
 /// How sure an interval is.
 pub const LEVEL: f64 = 0.95;
@@ -16,6 +17,25 @@ pub const LEVEL: f64 = 0.95;
 pub const ENOUGH_SEEDS: usize = 10;
 /// Draws of a bootstrap.
 const DRAWS: usize = 2000;
+
+/// A mean over seeds with one standard deviation.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Spread {
+    /// The mean.
+    pub mean: f64,
+    /// One standard deviation of the seeds; 0 of a single one.
+    pub deviation: f64,
+    /// How many.
+    pub seeds: usize,
+}
+
+impl Spread {
+    pub(super) fn of(values: &[f64]) -> Option<Self> {
+        let (mean, deviation) = (mean_or_zero(values), deviation(values));
+        (!values.is_empty()).then_some(Self { mean, deviation, seeds: values.len() })
+    }
+}
 
 /// A mean over seeds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

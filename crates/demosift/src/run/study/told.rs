@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::bodies::{self, BodyLine, TaughtLine};
 use super::choice::{Kept, TopK};
 use super::curves::{self, Trained};
-use super::estimate::{Difference, paired_difference};
+use super::estimate::{Difference, Spread, paired_difference};
 use super::parts::Set;
 use super::plan::Study;
 use super::truth;
@@ -13,25 +13,6 @@ use super::{Cell, Cost, Finished, Found, WeighingResult};
 use crate::data::demonstration::DemoId;
 use crate::learning::adapt::Rule;
 use crate::math::statistics;
-
-/// A mean over seeds with one standard deviation.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Spread {
-    /// The mean.
-    pub mean: f64,
-    /// One standard deviation of the seeds; 0 of a single one.
-    pub deviation: f64,
-    /// How many.
-    pub seeds: usize,
-}
-
-impl Spread {
-    pub(super) fn of(values: &[f64]) -> Option<Self> {
-        let (mean, deviation) = (statistics::mean_or_zero(values), curves::deviation(values));
-        (!values.is_empty()).then_some(Self { mean, deviation, seeds: values.len() })
-    }
-}
 
 /// What the policies are worth that learned from what a method keeps.
 #[derive(Clone, Debug, PartialEq, Serialize)]
