@@ -25,7 +25,7 @@ EPISODES = 5
 # The steps of Adam that demosift clones for; imitation counts epochs of 1000 pairs in batches of 32.
 CLONING_STEPS = 2000
 BATCH = 32
-# What demosift's judge of the paper plays for a demonstration at `quick`, prior apart.
+# What demosift's judge of the paper played for a demonstration at `quick`, prior apart, when this was written; 130,000 now.
 GAIL_STEPS = 86_000
 
 
@@ -133,8 +133,16 @@ def with_demosift(path, demosift, judge, preset, seed):
 def keep(name, seed, found):
     kept = json.loads(KEPT.read_text()) if KEPT.exists() else {}
     kept.setdefault(name, {})[str(seed)] = found
-    KEPT.write_text(json.dumps(kept, indent=1) + "\n")
+    KEPT.write_text(written(kept))
     print(name, seed, found, flush=True)
+
+
+def written(kept):
+    """One line a seed, numbers with two digits."""
+    rounded = lambda found: {"seconds": round(found["seconds"], 2), "scores": [round(float(score), 2) for score in found["scores"]]}
+    line = lambda seed, found: f'  "{seed}": {json.dumps(rounded(found))}'
+    of = lambda by_seed: ",\n".join(line(seed, found) for seed, found in by_seed.items())
+    return "{\n" + ",\n".join(f' "{name}": {{\n{of(by_seed)}\n }}' for name, by_seed in kept.items()) + "\n}\n"
 
 
 def ranks(values):
