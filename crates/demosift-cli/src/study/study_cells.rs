@@ -65,7 +65,8 @@ impl<'o> Studied<'o> {
                 }
                 let wanted = self.fingerprint(&work);
                 let of_earlier = self.earlier.cell(&work).filter(|cell| cell.fingerprint == wanted);
-                let handed_on = of_earlier.filter(|cell| self.opened.study.has_all_to_show(cell));
+                let shows = |cell: &&Cell| self.opened.study.has_all_to_show(cell, &self.finished);
+                let handed_on = of_earlier.filter(shows);
                 match (self.folder.recall(&work, &wanted)?, handed_on) {
                     (Recalled::Cell(cell), _) => self.finished.add(*cell),
                     (_, Some(cell)) => self.finished.add(cell.clone()),

@@ -113,7 +113,7 @@ impl Study {
     }
 
     /// What is kept with a seed is learned with the same seed.
-    fn curve_work(
+    pub(super) fn curve_work(
         &self,
         set: &Set,
         methods: &[&Judge],
