@@ -156,7 +156,7 @@ fn an_experiment_becomes_cells_figures_numbers_and_a_page() {
     for part in [
         "## How many of the kept were made by another body\n",
         "## What is kept by weights\n",
-        "| s each | ABD |",
+        "| s each | seeds |",
         "## Which demonstration comes first\n",
     ] {
         assert!(page.contains(part), "{part} in {page}");

@@ -95,21 +95,14 @@ impl Shown<'_> {
     }
 
     fn difference(&self, case: &Case, measure: Measure) -> String {
-        let Some(difference) = case.difference else { return "-".to_owned() };
-        let unit = match measure {
-            Measure::Score => self.compact.study.set(&case.set).map_or("", |set| set.unit.as_str()),
-            Measure::Success | Measure::Distance => "",
-        };
-        let Difference { mean, interval, .. } = difference;
-        let scale = Scale::of([mean].into_iter().chain(interval.into_iter().flatten()), unit);
-        let written = |value: f64| match measure {
-            Measure::Success => percent(value),
-            Measure::Score | Measure::Distance => scale.signed(value),
-        };
-        let mean = written(mean);
-        let ends =
-            interval.map_or(String::new(), |[low, high]| format!(" [{}, {}]", written(low), written(high)));
-        format!("{mean}{ends} {unit}").trim_end().to_owned()
+        let Some(difference) = &case.difference else { return "-".to_owned() };
+        match measure {
+            Measure::Score => {
+                signed(difference, self.compact.study.set(&case.set).map_or("", |set| set.unit.as_str()))
+            }
+            Measure::Distance => signed(difference, ""),
+            Measure::Success => with_ends(difference, percent),
+        }
     }
 
     fn numbers(&self) -> Vec<Section> {
@@ -147,20 +140,15 @@ impl Shown<'_> {
 
     fn lost(&self) -> Section {
         let row = |of: &told::LostLine| {
-            let Difference { mean, interval, pairs, .. } = of.lost;
-            let scale = Scale::of([mean].into_iter().chain(interval.into_iter().flatten()), &of.unit);
-            let ends = interval.map_or(String::new(), |[low, high]| {
-                format!(" [{}, {}]", scale.signed(low), scale.signed(high))
-            });
-            let lost = format!("{}{ends} {}", scale.signed(mean), of.unit).trim_end().to_owned();
-            let is_sure = of.lost.is_separable() && pairs >= ENOUGH_SEEDS;
+            let lost = signed(&of.lost, &of.unit);
+            let is_sure = of.lost.is_separable() && of.lost.pairs >= ENOUGH_SEEDS;
             vec![
                 of.set.clone(),
                 imitator_name(of.imitator).to_owned(),
                 of.kept.to_string(),
                 of.method.clone().unwrap_or_else(|| "(whole set)".to_owned()),
                 if is_sure { format!("**{lost}**") } else { lost },
-                pairs.to_string(),
+                of.lost.pairs.to_string(),
             ]
         };
         let header = ["set", "imitator", "K", "kept by", "lost", "pairs"];
@@ -421,6 +409,19 @@ pub(crate) fn summary(all: &[Summarized]) -> String {
     text += "\n## The pages\n\n";
     all.iter().for_each(|of| text += &format!("- [{}]({}.md)\n", of.title, of.name));
     text
+}
+
+/// A difference with its interval, in a unit.
+fn signed(difference: &Difference, unit: &str) -> String {
+    let ends = difference.interval.into_iter().flatten();
+    let scale = Scale::of([difference.mean].into_iter().chain(ends), unit);
+    format!("{} {unit}", with_ends(difference, |value| scale.signed(value))).trim_end().to_owned()
+}
+
+fn with_ends(Difference { mean, interval, .. }: &Difference, written: impl Fn(f64) -> String) -> String {
+    let ends =
+        interval.map_or(String::new(), |[low, high]| format!(" [{}, {}]", written(low), written(high)));
+    format!("{}{ends}", written(*mean))
 }
 
 const DEVIATION: &str = "± is one standard deviation over seeds.";

@@ -175,14 +175,16 @@ fn make_portable_if_asked(sets: &[OpenedSet], trains: bool) -> Result<()> {
         of_methods.chain(trains.then_some(set.training.portable)).collect::<Vec<_>>()
     };
     let asked: Vec<bool> = sets.iter().flat_map(of_set).collect();
-    if asked.iter().all(|is_asked| *is_asked) {
-        arithmetic::make_portable();
-    } else if asked.contains(&true) {
+    if !asked.contains(&true) {
+        return Ok(());
+    }
+    if asked.contains(&false) {
         return Err(Error::bad_config(
             "portable = true stands in some values of the study and not in all, and a process computes one way",
         )
         .with_hint("write it into the values of both [judging] and [training], and into no method, or nowhere"));
     }
+    arithmetic::make_portable();
     Ok(())
 }
 

@@ -34,6 +34,15 @@ impl Section {
         in_markdown(&self.words(), &self.rows)
     }
 
+    /// Without a column that is told elsewhere.
+    fn without(mut self, column: &str) -> Self {
+        if let Some(at) = self.header.iter().position(|word| word == column) {
+            self.header.remove(at);
+            self.rows.iter_mut().for_each(|row| drop(row.remove(at)));
+        }
+        self
+    }
+
     fn words(&self) -> Vec<&str> {
         self.header.iter().map(String::as_str).collect()
     }
@@ -41,7 +50,8 @@ impl Section {
 
 /// The tables of a study that an experiment's page has too.
 pub(crate) fn of_experiment(summary: &Summary) -> [Section; 2] {
-    [agreement(summary), costs(summary)]
+    let below = "Seconds are those of one processor.".to_owned();
+    [agreement(summary), Section { below, ..costs(summary).without("ABD") }]
 }
 
 /// All tables that have a row.

@@ -135,8 +135,8 @@ impl<'t> Playground<'t> {
         Ok(width)
     }
 
-    /// Episodes of one worker. One whose simulation runs away is no outcome of the policy, and the next of the same seed is as
-    /// likely to run away as this one was, so it is begun again from another start that follows from its seed.
+    /// Episodes of one worker. One whose simulation runs away is no outcome of the policy, and with its seed it would run away
+    /// again, so it is begun from another start that follows from this seed.
     fn play(&self, episodes: &[Episode<'_>]) -> Result<Vec<Rollout>> {
         match self.play_together(episodes) {
             Err(error) if error.is_diverged() => {

@@ -231,18 +231,20 @@ fn lost(study: &Study, set: &Set, finished: &Finished) -> Vec<LostLine> {
     let imitators = study.drawn.curves.as_ref().map_or(&[][..], |curves| &curves.imitators);
     let mut lines = Vec::new();
     for imitator in imitators {
-        let end =
-            |demos: Vec<DemoId>, seed| Some(finished.training(&set.name, &demos, *imitator, seed)?.end.score);
         for count in study.compared_with_best(set, *imitator) {
-            let best = |seed| end(study.truly_best_without(seed, set, *imitator, count, finished)?, seed);
+            let best = |seed| {
+                let demos = study.truly_best_without(seed, set, *imitator, count, finished)?;
+                Some(finished.training(&set.name, &demos, *imitator, seed)?.end.score)
+            };
             let methods = study.methods.iter().map(|method| Some(method.name.clone())).chain([None]);
             lines.extend(methods.filter_map(|method| {
-                let kept = |seed| match &method {
-                    Some(name) => study.kept(set, name, Kept::Top(TopK::Count(count)), seed, finished),
-                    None => Some((0..set.demonstrations).map(DemoId).collect()),
+                let (by, kept) = match &method {
+                    Some(name) => (name.as_str(), Kept::Top(TopK::Count(count))),
+                    None => ("", Kept::All),
                 };
-                let pair = |seed| Some((best(seed)?, end(kept(seed)?, seed)?));
-                let pairs: Vec<(f64, f64)> = set.seeds.each().filter_map(pair).collect();
+                let trained = curves::trained(study, set, by, kept, *imitator, finished);
+                let pairs: Vec<(f64, f64)> =
+                    trained.iter().filter_map(|of| Some((best(of.seed)?, of.result.end.score))).collect();
                 Some(LostLine {
                     set: set.name.clone(),
                     unit: set.unit.clone(),
