@@ -158,6 +158,7 @@ fn an_experiment_becomes_cells_figures_numbers_and_a_page() {
         "## What is kept by weights\n",
         "| s each | seeds |",
         "## Which demonstration comes first\n",
+        "## What judging starts from\n",
     ] {
         assert!(page.contains(part), "{part} in {page}");
     }

@@ -13,10 +13,10 @@ use crate::answers;
 use crate::arguments::{PresetName, ReproduceArguments};
 use crate::console::terminal;
 use crate::files::writing::undisturbed;
-use crate::study::experiments;
 use crate::study::reproduce_page::{Made, Page, Shown, Summarized, summary};
 use crate::study::study_cells::{Missing, Results, Studied, read_results, threads};
 use crate::study::study_file::{self, Asked, Source};
+use crate::study::{experiments, in_short};
 use crate::tables;
 
 /// Where the sets lie in a checkout.
@@ -204,7 +204,8 @@ fn tell(arguments: &ReproduceArguments, results: &Results, page: Option<&Path>) 
         }
     }
     let (title, seeds) = (shown.title(), told.seeds);
-    Ok(Summarized { name: study.name.clone(), title, seeds, decided })
+    let in_short = in_short::lines(&told, &summarized);
+    Ok(Summarized { name: study.name.clone(), title, seeds, decided, in_short })
 }
 
 /// `--dry-run`; what an earlier experiment counts is not counted again.

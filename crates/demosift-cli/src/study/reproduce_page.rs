@@ -1,16 +1,16 @@
 //! The page of an experiment, made of its results and of words: no number in it is typed by hand.
 
-use demosift::run::study::bodies;
 use demosift::run::study::claims::{Case, Decided, Said};
 use demosift::run::study::compact::Compact;
-use demosift::run::study::estimate::{Difference, ENOUGH_SEEDS, Spread};
+use demosift::run::study::estimate::ENOUGH_SEEDS;
 use demosift::run::study::summary::Summary;
-use demosift::run::study::told::{self, Told};
+use demosift::run::study::told::Told;
 use demosift::run::study::{By, Measure, imitator_name};
 
-use crate::study::experiments;
-use crate::tables::study::{Section, in_markdown, of_experiment};
-use crate::tables::{Scale, percent, rounded, wrapped};
+use crate::study::{experiments, in_short};
+use crate::tables::differences::{signed, with_ends};
+use crate::tables::study::{Section, in_markdown};
+use crate::tables::{percent, rounded, wrapped};
 
 /// What was found.
 pub(crate) struct Shown<'a> {
@@ -91,7 +91,7 @@ impl Shown<'_> {
             header.push("K");
         }
         header.extend(["better by", "difference", "pairs", "found"]);
-        section(format!("{who}: {}", decided.says), &header, decided.cases.iter().map(row).collect())
+        Section::of(&format!("{who}: {}", decided.says), &header, decided.cases.iter().map(row).collect())
     }
 
     fn difference(&self, case: &Case, measure: Measure) -> String {
@@ -103,172 +103,6 @@ impl Shown<'_> {
             Measure::Distance => signed(difference, ""),
             Measure::Success => with_ends(difference, percent),
         }
-    }
-
-    fn numbers(&self) -> Vec<Section> {
-        let own = [
-            self.policies(),
-            self.lost(),
-            self.firsts(),
-            self.weighed(),
-            self.bodies(),
-            self.taught(),
-            self.distances(),
-        ];
-        let mut sections: Vec<Section> = own.into_iter().chain(of_experiment(self.summary)).collect();
-        sections.retain(|section| !section.rows.is_empty());
-        sections
-    }
-
-    fn policies(&self) -> Section {
-        let row = |of: &told::PolicyLine| {
-            vec![
-                of.set.clone(),
-                imitator_name(of.imitator).to_owned(),
-                of.kept.clone(),
-                of.method.clone().unwrap_or_else(|| "(whole set)".to_owned()),
-                spread(&of.score, Scale::of([of.score.mean], &of.unit)),
-                of.success.map_or("-".to_owned(), |success| percent(success.mean)),
-                of.score.seeds.to_string(),
-            ]
-        };
-        let header = ["set", "imitator", "K", "kept by", "score", "success", "seeds"];
-        let rows = self.told.policies.iter().map(row).collect();
-        let title = "What policies from the kept are worth at the end of their training:";
-        Section { below: DEVIATION.to_owned(), ..section(title.to_owned(), &header, rows) }
-    }
-
-    fn lost(&self) -> Section {
-        let row = |of: &told::LostLine| {
-            let lost = signed(&of.lost, &of.unit);
-            let is_sure = of.lost.is_separable() && of.lost.pairs >= ENOUGH_SEEDS;
-            vec![
-                of.set.clone(),
-                imitator_name(of.imitator).to_owned(),
-                of.kept.to_string(),
-                of.method.clone().unwrap_or_else(|| "(whole set)".to_owned()),
-                if is_sure { format!("**{lost}**") } else { lost },
-                of.lost.pairs.to_string(),
-            ]
-        };
-        let header = ["set", "imitator", "K", "kept by", "lost", "pairs"];
-        let rows = self.told.lost.iter().map(row).collect();
-        let below = "It is the score of policies from the truly best K, those of the oracle, less that of policies from the kept, \
-                     paired by seed, with a 95 % interval by Student's t; bold is what does not hold 0. The truly best one is \
-                     chosen by other trainings than the one that is compared, so a method can do better.";
-        let title = "What is lost beside the truly best K:".to_owned();
-        Section { below: below.to_owned(), ..section(title, &header, rows) }
-    }
-
-    fn firsts(&self) -> Section {
-        let knows_variants = self.told.firsts.iter().any(|of| of.fitting.is_some());
-        let row = |of: &told::FirstLine| {
-            let first = |first: &told::First| match &first.recorded_under {
-                Some(variant) => format!("{} ({variant}): {}", first.demo, first.times),
-                None => format!("{}: {}", first.demo, first.times),
-            };
-            let firsts: Vec<String> = of.firsts.iter().map(first).collect();
-            let mut row = vec![of.set.clone(), of.method.clone(), firsts.join(", ")];
-            if knows_variants {
-                row.extend(
-                    [of.fitting, of.fitting_in_set].map(|of| of.map_or("-".to_owned(), |of| of.to_string())),
-                );
-            }
-            row.push(of.seeds.to_string());
-            row
-        };
-        let mut header = vec!["set", "method", "first: with how many seeds"];
-        if knows_variants {
-            header.extend(["first is of this variant", "of this variant in the set"]);
-        }
-        header.push("seeds");
-        let rows = self.told.firsts.iter().map(row).collect();
-        let below = if knows_variants {
-            "In brackets is the variant under which a demonstration was recorded."
-        } else {
-            ""
-        };
-        let title = "Which demonstration comes first:".to_owned();
-        Section { below: below.to_owned(), ..section(title, &header, rows) }
-    }
-
-    fn weighed(&self) -> Section {
-        let row = |of: &told::WeighedLine| {
-            let times = of.times.iter().enumerate().filter(|(_, times)| **times > 0);
-            let times: Vec<String> = times.map(|(demo, times)| format!("{demo}: {times}")).collect();
-            vec![
-                of.set.clone(),
-                of.method.clone(),
-                spread(&of.kept, Scale::of([of.kept.mean], "")),
-                times.join(", "),
-                of.alike.map_or("-".to_owned(), |alike| format!("{alike:.2}")),
-                rounded(of.environment_steps),
-                of.kept.seeds.to_string(),
-            ]
-        };
-        let header =
-            ["set", "method", "kept", "with how many seeds", "weights of two seeds", "steps", "seeds"];
-        let rows = self.told.weighed.iter().map(row).collect();
-        let below = "Weights of two seeds are compared by Spearman's correlation of the last ones, the mean over all pairs. Steps \
-                     are those of a selection, its prior apart; methods have as many meta-updates, and not as many steps.";
-        Section { below: below.to_owned(), ..section("What is kept by weights:".to_owned(), &header, rows) }
-    }
-
-    fn distances(&self) -> Section {
-        let row = |of: &told::DistanceLine| {
-            let distance = spread(&of.distance, Scale::of([of.distance.mean], ""));
-            vec![of.set.clone(), of.method.clone(), distance, of.distance.seeds.to_string()]
-        };
-        let title = "The adapted behaviors distance, lower is better:".to_owned();
-        let rows = self.told.distances.iter().map(row).collect();
-        let below = format!(
-            "{DEVIATION} Agents of the judge by cloning act by their mean, the others sample, and what is sampled is farther from \
-             anything, so the two kinds cannot be compared."
-        );
-        Section { below, ..section(title, &["set", "method", "ABD", "seeds"], rows) }
-    }
-
-    fn bodies(&self) -> Section {
-        let row = |of: &bodies::BodyLine| {
-            let by = match (&of.method, of.oracle) {
-                (Some(method), _) => method.clone(),
-                (None, oracle) => format!("(oracle by {})", oracle.map_or("-", imitator_name)),
-            };
-            let successful = of.of_successful.map_or("-".to_owned(), percent);
-            let shares = [percent(of.share.mean), percent(of.of_set), successful];
-            let mut row = vec![of.set.clone(), of.kept.to_string(), by];
-            row.extend(shares);
-            row.push(of.share.seeds.to_string());
-            row
-        };
-        let header = ["set", "K", "kept by", "of the kept", "of the set", "of the successful", "seeds"];
-        let rows = self.told.bodies.iter().map(row).collect();
-        let below = "Whose a demonstration is was drawn once, and seeds draw only how it is judged, so nothing is decided of these \
-                     shares.";
-        let title = "How many of the kept were made by another body:".to_owned();
-        Section { below: below.to_owned(), ..section(title, &header, rows) }
-    }
-
-    fn taught(&self) -> Section {
-        let row = |of: &bodies::TaughtLine| {
-            let scale = Scale::of([of.mean, of.least, of.most], &of.unit);
-            vec![
-                of.set.clone(),
-                imitator_name(of.imitator).to_owned(),
-                if of.by_other { "another body" } else { "the task's body" }.to_owned(),
-                of.succeeded.map_or("-", |succeeded| if succeeded { "yes" } else { "no" }).to_owned(),
-                of.demonstrations.to_string(),
-                scale.with_unit(of.mean),
-                format!("{} to {}", scale.plain(of.least), scale.with_unit(of.most)),
-                of.seeds.to_string(),
-            ]
-        };
-        let header =
-            ["set", "imitator", "made by", "succeeded", "demonstrations", "score, mean", "from", "seeds"];
-        let rows = self.told.taught.iter().map(row).collect();
-        let below = "Of each demonstration the score is the mean over the oracle's seeds, at the end of a training on it alone.";
-        let title = "What demonstrations teach alone, by the body that made them:".to_owned();
-        Section { below: below.to_owned(), ..section(title, &header, rows) }
     }
 
     fn notes(&self) -> Vec<String> {
@@ -373,6 +207,7 @@ pub(crate) struct Summarized {
     /// Asked for, and whole.
     pub(crate) seeds: [usize; 2],
     pub(crate) decided: Vec<Decided>,
+    pub(crate) in_short: Vec<in_short::Line>,
 }
 
 /// A page about several experiments.
@@ -406,33 +241,21 @@ pub(crate) fn summary(all: &[Summarized]) -> String {
             text += &format!("\n## {title}\n\n{}", in_markdown(&header, &rows));
         }
     }
+    let mut lines: Vec<&in_short::Line> = Vec::new();
+    for line in all.iter().filter(|of| of.seeds[1] >= ENOUGH_SEEDS).flat_map(|of| &of.in_short) {
+        if !lines.iter().any(|told| told.is_about_the_same(line)) {
+            lines.push(line);
+        }
+    }
+    lines.sort_by_key(|line| &line.set);
+    if !lines.is_empty() {
+        let rows: Vec<Vec<String>> = lines.iter().map(|line| line.row()).collect();
+        text += &format!("\n## In short\n\n{}\n", in_markdown(&in_short::HEADER, &rows));
+        text += &sentences(in_short::BELOW);
+    }
     text += "\n## The pages\n\n";
     all.iter().for_each(|of| text += &format!("- [{}]({}.md)\n", of.title, of.name));
     text
-}
-
-/// A difference with its interval, in a unit.
-fn signed(difference: &Difference, unit: &str) -> String {
-    let ends = difference.interval.into_iter().flatten();
-    let scale = Scale::of([difference.mean].into_iter().chain(ends), unit);
-    format!("{} {unit}", with_ends(difference, |value| scale.signed(value))).trim_end().to_owned()
-}
-
-fn with_ends(Difference { mean, interval, .. }: &Difference, written: impl Fn(f64) -> String) -> String {
-    let ends =
-        interval.map_or(String::new(), |[low, high]| format!(" [{}, {}]", written(low), written(high)));
-    format!("{}{ends}", written(*mean))
-}
-
-const DEVIATION: &str = "± is one standard deviation over seeds.";
-
-fn section(title: String, header: &[&str], rows: Vec<Vec<String>>) -> Section {
-    Section {
-        title,
-        header: header.iter().map(|&word| word.to_owned()).collect(),
-        rows,
-        below: String::new(),
-    }
 }
 
 /// Markdown has one sentence per line.
@@ -444,13 +267,6 @@ fn sentences(words: &str) -> String {
 
 fn hours(hours: f64) -> String {
     if hours < 1.0 { "less than an hour".to_owned() } else { format!("{hours:.0} hours") }
-}
-
-fn spread(of: &Spread, scale: Scale<'_>) -> String {
-    if of.seeds == 1 {
-        return scale.with_unit(of.mean);
-    }
-    format!("{} ± {} {}", scale.plain(of.mean), scale.plain(of.deviation), scale.unit).trim_end().to_owned()
 }
 
 /// What a case says, in a word or two.

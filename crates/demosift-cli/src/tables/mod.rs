@@ -2,6 +2,7 @@
 
 pub(crate) mod by_variant;
 pub(crate) mod costs;
+pub(crate) mod differences;
 pub(crate) mod forecast;
 pub(crate) mod judgment;
 pub(crate) mod panel;

@@ -19,6 +19,11 @@ pub(crate) struct Section {
 }
 
 impl Section {
+    /// With nothing below.
+    pub(crate) fn of(title: &str, header: &[&str], rows: Vec<Vec<String>>) -> Self {
+        Self { title: title.to_owned(), header: words(header), rows, below: String::new() }
+    }
+
     /// For a terminal; nothing without rows.
     pub(crate) fn plainly(&self) -> String {
         let Self { title, rows, below, .. } = self;
@@ -49,9 +54,9 @@ impl Section {
 }
 
 /// The tables of a study that an experiment's page has too.
-pub(crate) fn of_experiment(summary: &Summary) -> [Section; 2] {
+pub(crate) fn of_experiment(summary: &Summary) -> [Section; 3] {
     let below = "Seconds are those of one processor.".to_owned();
-    [agreement(summary), Section { below, ..costs(summary).without("ABD") }]
+    [agreement(summary), differences(summary), Section { below, ..costs(summary).without("ABD") }]
 }
 
 /// All tables that have a row.
@@ -109,7 +114,7 @@ fn agreement(summary: &Summary) -> Section {
         for of in &set.agreement {
             let judge = of.method.clone().unwrap_or_else(|| "(ceiling)".to_owned());
             let mut row = vec![set.set.clone(), of.truth.to_string(), judge];
-            row.extend([correlation(&of.spearman), format!("{:.2}", of.kendall.mean)]);
+            row.extend([interval_of_correlation(&of.spearman), format!("{:.2}", of.kendall.mean)]);
             let hits = set.hits_at.iter().zip(&of.hit_rates);
             row.push(hits.map(|(k, rate)| format!("{k}: {:.2}", rate.mean)).collect::<Vec<_>>().join(", "));
             row.push(of.spearman.seeds.to_string());
@@ -117,7 +122,8 @@ fn agreement(summary: &Summary) -> Section {
         }
     }
     let below = "Spearman is the mean over seeds with its 95 % interval by percentile bootstrap. The ceiling is the oracle \
-                 against itself: each of its seeds against the mean of the others, as the judges are. A judge that clones \
+                 against itself: each of its seeds against the mean of the others, as the judges are; its interval is of few \
+                 seeds that depend on each other, and those of the judges take the oracle as it is. A judge that clones \
                  is not held against an oracle by cloning.";
     Section {
         title: "How well each judge agrees with the truth:".to_owned(),
@@ -149,7 +155,8 @@ fn steadiness(summary: &Summary) -> Section {
     }
 }
 
-fn correlation(of: &Estimate) -> String {
+/// A correlation with its interval.
+pub(crate) fn interval_of_correlation(of: &Estimate) -> String {
     if of.seeds == 1 {
         return format!("{:.2}", of.mean);
     }

@@ -1,7 +1,7 @@
 //! Figures as text: rows and columns of panels with lines, drawn as SVG, and their numbers as CSV.
 //!
 //! A line has a band of one standard deviation around it.
-//! Panels of a row share their vertical axis, so that what stands beside each other can be compared.
+//! Panels of a row share their axes, so that what stands beside each other can be compared.
 //! Colors are told apart by the color-blind (Okabe and Ito 2008), and follow the reader's choice of light or dark.
 
 mod axis;
@@ -22,13 +22,15 @@ pub struct Grid {
     pub x_label: String,
     /// What x is called in the table of numbers.
     pub x_name: String,
+    /// The share of the way along x after which values must fit the vertical axes; those before it are cut off where they do not.
+    pub fitted_from: f64,
     /// The titles of the columns.
     pub columns: Vec<String>,
     /// From above to below.
     pub rows: Vec<Row>,
 }
 
-/// A row of panels with one vertical axis.
+/// A row of panels with the same axes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Row {
     /// Beside it.

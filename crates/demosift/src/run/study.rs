@@ -37,6 +37,8 @@ pub mod steadiness;
 pub mod summary;
 pub mod told;
 mod truth;
+pub mod variants;
+pub mod weighed;
 mod work;
 
 use std::collections::BTreeMap;
@@ -215,6 +217,21 @@ pub struct JudgingResult {
     /// How the adaptations went, where episodes were played on the way; a compact file has it where a figure shows it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub adaptation: Option<Adaptation>,
+    /// What the prior learned, where it is meta-learned; older cells do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prior: Option<PriorLearned>,
+}
+
+/// What is to be known of a meta-learned prior.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PriorLearned {
+    /// Meta-updates that its share of the budget paid for.
+    pub meta_updates: usize,
+    /// The share of the spread of the encodings that the posterior explains on trajectories that it was not trained on, the mean
+    /// over the last half of the updates; missing without mutual information. At 0 or below Q tells nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub explained: Option<f64>,
 }
 
 /// The heuristic in the course of imitating each demonstration.

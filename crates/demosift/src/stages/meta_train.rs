@@ -54,6 +54,7 @@ pub use cost::steps_by_round;
 use meta_update::meta_update;
 pub use regularize::{MutualInformation, PosteriorState};
 use regularize::{Regularizer, regularize};
+pub(crate) use report::ENCODING_EXPLAINED;
 use report::{behavior_spread, report};
 
 /// How the meta-parameters are trained.

@@ -26,7 +26,8 @@
 //!   meta-update, but ε would compare their size: once θ is as good as the good demonstrations, no Δ is above 0 and all
 //!   weights would fall below any ε together. The floor lets a demonstration that was misjudged come back. No weight exceeds
 //!   n, and a round multiplies by no more than β·exp(√(2 + 2n)), so that nothing overflows.
-//! - "Not done" is not said: it ends when the same subset came out several times in a row, or after so many rounds.
+//! - "Not done" is not said: it ends when the same subset came out several times in a row, or after so many rounds. The whole
+//!   set is where all weights begin, so that it comes out says nothing yet.
 //! - Shares that are multiplied drift apart: of several equally good demonstrations it may end with one, the luckiest.
 //!   What it drops is therefore not shown to be bad; the ranking of Algorithm 2 says more about each.
 //! - Should too few end above ε, the heaviest are kept; with no lower limit the subset could be empty.
@@ -212,7 +213,10 @@ fn end(rounds: &[Weighed], how: &SubsetSelection) -> Option<WeighingEnd> {
         demos
     };
     match last {
-        Some(last) if last.windows(2).all(|pair| chosen(&pair[0]) == chosen(&pair[1])) => {
+        Some(last)
+            if last.iter().all(|round| chosen(round).len() < round.weights.iter().count())
+                && last.windows(2).all(|pair| chosen(&pair[0]) == chosen(&pair[1])) =>
+        {
             Some(WeighingEnd::Converged)
         }
         _ => (rounds.len() >= how.rounds).then_some(WeighingEnd::RoundLimit),

@@ -69,7 +69,12 @@ pub fn svg(grid: &Grid) -> String {
         draw_row(
             &mut text,
             row,
-            &Below { top, x_label: last.then_some(grid.x_label.as_str()), legends: shared.is_none() },
+            &Below {
+                top,
+                x_label: last.then_some(grid.x_label.as_str()),
+                legends: shared.is_none(),
+                fitted_from: grid.fitted_from,
+            },
         );
     }
     text.push_str("</svg>\n");
@@ -134,16 +139,23 @@ struct Below<'a> {
     x_label: Option<&'a str>,
     /// Whether each panel has a legend of its own.
     legends: bool,
+    /// That of the grid.
+    fitted_from: f64,
 }
 
 fn draw_row(text: &mut String, row: &Row, below: &Below<'_>) {
-    let Below { top, x_label, legends } = *below;
+    let Below { top, x_label, legends, fitted_from } = *below;
+    let lines = || row.panels.iter().flat_map(|panel| &panel.lines);
+    let nothing = Span { low: 0.0, high: 1.0 };
+    let along = Span::of(lines().flat_map(|line| line.x.iter().copied())).unwrap_or(nothing);
+    let from = along.low + fitted_from * (along.high - along.low);
     let values = |line: &Line| -> Vec<f64> {
-        let ends = line.mean.iter().zip(&line.deviation);
-        ends.flat_map(|(mean, deviation)| [mean - deviation, mean + deviation]).collect()
+        let ends = line.x.iter().zip(&line.mean).zip(&line.deviation).filter(|((x, _), _)| **x >= from);
+        ends.flat_map(|((_, mean), deviation)| [mean - deviation, mean + deviation]).collect()
     };
-    let span = Span::of(row.panels.iter().flat_map(|panel| &panel.lines).flat_map(values));
-    let y = Axis::of(span.unwrap_or(Span { low: 0.0, high: 1.0 }).with_room(0.06), 5);
+    let y = Axis::of(Span::of(lines().flat_map(values)).unwrap_or(nothing).with_room(0.06), 5);
+    let points = lines().any(|line| line.stroke == Stroke::Points);
+    let x = Axis::of(if points { along.with_room(0.04) } else { along }, 5);
     let middle = top + HEIGHT / 2.0;
     for (x, class, words) in [(14.0, "ink middle", &row.title), (30.0, "soft middle", &row.y_label)] {
         let words = escaped(words);
@@ -154,7 +166,7 @@ fn draw_row(text: &mut String, row: &Row, below: &Below<'_>) {
     }
     for (column, panel) in row.panels.iter().enumerate() {
         let left = LEFT + column as f64 * (WIDTH + BESIDE);
-        draw_panel(text, panel, &Frame { left, top, y: &y, numbers: column == 0 });
+        draw_panel(text, panel, &Frame { left, top, x: &x, y: &y, numbers: column == 0 });
         let (middle, under) =
             (left + WIDTH / 2.0, top + HEIGHT + BELOW + if legends { 2.0 * LEGEND } else { 0.0 });
         if let Some(label) = x_label.map(escaped) {
@@ -172,26 +184,23 @@ fn draw_row(text: &mut String, row: &Row, below: &Below<'_>) {
 struct Frame<'a> {
     left: f64,
     top: f64,
+    x: &'a Axis,
     y: &'a Axis,
     /// Whether the vertical axis has numbers.
     numbers: bool,
 }
 
 impl Frame<'_> {
-    fn place(&self, x_axis: &Axis, x: f64, y: f64) -> Place {
-        Place { x: self.left + x_axis.share(x) * WIDTH, y: self.top + (1.0 - self.y.share(y)) * HEIGHT }
+    fn place(&self, x: f64, y: f64) -> Place {
+        Place { x: self.left + self.x.share(x) * WIDTH, y: self.top + (1.0 - self.y.share(y)) * HEIGHT }
     }
 }
 
 fn draw_panel(text: &mut String, panel: &Panel, frame: &Frame<'_>) {
-    let Frame { left, top, y, numbers } = *frame;
+    let Frame { left, top, x, y, numbers } = *frame;
     let (right, bottom) = (left + WIDTH, top + HEIGHT);
-    let points = panel.lines.iter().any(|line| line.stroke == Stroke::Points);
-    let span = Span::of(panel.lines.iter().flat_map(|line| line.x.iter().copied()));
-    let span = span.unwrap_or(Span { low: 0.0, high: 1.0 });
-    let x = Axis::of(if points { span.with_room(0.04) } else { span }, 5);
     for tick in &y.ticks {
-        let at = frame.place(&x, x.low, *tick).y;
+        let at = frame.place(x.low, *tick).y;
         let _ = writeln!(text, r#"<path class="grid" d="M{left:.1} {at:.1}H{right:.1}"/>"#);
         if numbers {
             let (x, at, label) = (left - 6.0, at + 3.5, y.label(*tick));
@@ -206,32 +215,37 @@ fn draw_panel(text: &mut String, panel: &Panel, frame: &Frame<'_>) {
         return;
     }
     for tick in &x.ticks {
-        let at = frame.place(&x, *tick, y.low).x;
+        let at = frame.place(*tick, y.low).x;
         let (to, under, label) = (bottom + 4.0, bottom + 15.0, x.label(*tick));
         let _ = writeln!(text, r#"<path class="axis" d="M{at:.1} {bottom:.1}V{to:.1}"/>"#);
         let _ = writeln!(text, r#"<text class="soft middle" x="{at:.1}" y="{under:.1}">{label}</text>"#);
     }
-    panel.lines.iter().for_each(|line| draw_band(text, line, frame, &x));
-    panel.lines.iter().for_each(|line| draw_line(text, line, frame, &x));
+    let name = format!("inside-{left:.0}-{top:.0}");
+    let _ = writeln!(
+        text,
+        r#"<clipPath id="{name}"><rect x="{left:.1}" y="{top:.1}" width="{WIDTH}" height="{HEIGHT}"/></clipPath>
+<g clip-path="url(#{name})">"#
+    );
+    panel.lines.iter().for_each(|line| draw_band(text, line, frame));
+    panel.lines.iter().for_each(|line| draw_line(text, line, frame));
+    text.push_str("</g>\n");
 }
 
-fn draw_band(text: &mut String, line: &Line, frame: &Frame<'_>, x: &Axis) {
+fn draw_band(text: &mut String, line: &Line, frame: &Frame<'_>) {
     if line.stroke == Stroke::Points || line.deviation.iter().all(|deviation| *deviation == 0.0) {
         return;
     }
     let ends = |sign: f64| {
         let each = line.x.iter().zip(&line.mean).zip(&line.deviation);
-        each.map(move |((at, mean), deviation)| frame.place(x, *at, mean + sign * deviation))
-            .collect::<Vec<_>>()
+        each.map(move |((at, mean), deviation)| frame.place(*at, mean + sign * deviation)).collect::<Vec<_>>()
     };
     let mut way = ends(1.0);
     way.extend(ends(-1.0).into_iter().rev());
     let _ = writeln!(text, r#"<path class="band f{}" d="{}Z"/>"#, shade(line), path(&way));
 }
 
-fn draw_line(text: &mut String, line: &Line, frame: &Frame<'_>, x: &Axis) {
-    let way: Vec<Place> =
-        line.x.iter().zip(&line.mean).map(|(at, mean)| frame.place(x, *at, *mean)).collect();
+fn draw_line(text: &mut String, line: &Line, frame: &Frame<'_>) {
+    let way: Vec<Place> = line.x.iter().zip(&line.mean).map(|(at, mean)| frame.place(*at, *mean)).collect();
     let color = shade(line);
     let name = escaped(&line.name);
     if line.stroke != Stroke::Points {
@@ -245,8 +259,8 @@ fn draw_line(text: &mut String, line: &Line, frame: &Frame<'_>, x: &Axis) {
         return;
     }
     for ((at, mean), deviation) in line.x.iter().zip(&line.mean).zip(&line.deviation) {
-        let (low, here) = (frame.place(x, *at, mean - deviation), frame.place(x, *at, *mean));
-        let high = frame.place(x, *at, mean + deviation);
+        let (low, here) = (frame.place(*at, mean - deviation), frame.place(*at, *mean));
+        let high = frame.place(*at, mean + deviation);
         let _ = writeln!(
             text,
             r#"<path class="line s{color}" d="M{:.1} {:.1}V{:.1}"/><circle class="f{color}" cx="{:.1}" cy="{:.1}" r="3"><title>{name}</title></circle>"#,

@@ -26,6 +26,7 @@ fn grid() -> Grid {
         note: "over 3 seeds".to_owned(),
         x_label: "environment steps".to_owned(),
         x_name: "environment_steps".to_owned(),
+        fitted_from: 0.0,
         columns: vec!["MAML".to_owned(), "one, two".to_owned()],
         rows: vec![Row {
             title: "free_throw_8".to_owned(),
@@ -76,6 +77,19 @@ fn a_picture_has_an_element_for_each_thing_it_shows() {
     // Every element is closed: as many opening as closing ones, or closed by themselves.
     let opened = count(&text, "<") - count(&text, "</");
     assert_eq!(opened, count(&text, "</") + count(&text, "/>"));
+}
+
+#[test]
+fn panels_of_a_row_share_their_axes_and_what_is_before_them_is_cut_off() {
+    let mut grid = grid();
+    let longer = Line { x: vec![0.0, 400_000.0, 800_000.0], ..line("top 1", 0, Stroke::Solid) };
+    grid.rows[0].panels[1] = Panel { lines: vec![longer] };
+    let text = svg(&grid);
+    assert_eq!(count(&text, ">800k</text>"), 2, "both panels go as far as the longer one");
+    assert_eq!(count(&text, ">−1.0</text>"), 1);
+    let late = svg(&Grid { fitted_from: 0.1, ..grid });
+    assert_eq!(count(&late, ">−1.0</text>"), 0, "where all lines begin does not count");
+    assert_eq!(count(&late, "clip-path=\"url(#inside-"), 2);
 }
 
 #[test]

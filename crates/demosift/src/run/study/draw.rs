@@ -10,6 +10,9 @@ use crate::learning::adapt::Rule;
 use crate::math::statistics;
 use crate::results::figure::{Grid, Line, Panel, Row, Stroke};
 
+/// What a policy scores before it learns is far below what is compared, so that learning curves are fitted from here on.
+const SETTLED_FROM: f64 = 0.25;
+
 /// A figure, with as many seeds as are finished.
 pub fn draw(study: &Study, figure: &Figure, finished: &Finished) -> Grid {
     let shown = |named: &[String], name: &String| named.is_empty() || named.contains(name);
@@ -26,6 +29,7 @@ pub fn draw(study: &Study, figure: &Figure, finished: &Finished) -> Grid {
         note: String::new(),
         x_label: x_label.to_owned(),
         x_name: x_name.to_owned(),
+        fitted_from: if figure.draws == Draws::TopK { SETTLED_FROM } else { 0.0 },
         columns: methods.iter().map(|&method| method.to_owned()).collect(),
         rows,
     };
@@ -61,6 +65,9 @@ fn note(grid: &Grid, study: &Study) -> String {
         0 => {}
         1 => words += "; one panel is not begun",
         _ => words += &format!("; {empty} panels are not begun"),
+    }
+    if grid.fitted_from > 0.0 {
+        words += &format!("; the first {:.0} % of the way may be cut off", 100.0 * grid.fitted_from);
     }
     words
 }

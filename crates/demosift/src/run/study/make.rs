@@ -1,11 +1,12 @@
 //! Making one cell: the same functions as a run of the command, with a ledger that forgets.
 
 use super::{
-    Adaptation, Cost, Curve, JudgedDemonstration, JudgingResult, Outcome, TrainingResult, WeighingResult,
+    Adaptation, Cost, Curve, JudgedDemonstration, JudgingResult, Outcome, PriorLearned, TrainingResult,
+    WeighingResult,
 };
 use crate::basics::error::{Error, Result};
 use crate::basics::ledger::{InMemory, Ledger};
-use crate::basics::observer::Silent;
+use crate::basics::observer::{Event, Observer, Silent};
 use crate::basics::seed::Seed;
 use crate::data::demonstration::{DemoId, DemonstrationSet};
 use crate::learning::adapt::{Rule, UpdateReport};
@@ -15,6 +16,7 @@ use crate::run::experiment::{self, Config, Run};
 use crate::run::forecast::{self, Goal};
 use crate::stages::imitate::{self, CurvePoint, ImitationState, Lesson};
 use crate::stages::judge::{Effort, ScoreTable, Suitability};
+use crate::stages::meta_train;
 use crate::stages::referee::imitation_by;
 use crate::world::environment::Task;
 use crate::world::heuristic::Score;
@@ -52,8 +54,9 @@ pub fn judging(means: &Means<'_>, seed: u64, clock: &mut dyn FnMut() -> f64) -> 
     let config = Config { seed, ..means.config.clone() };
     let mut ledger = InMemory::default();
     let mut passed = Passed::from_now(&playground, clock);
+    let mut learned = MetaUpdates::default();
     if config.judges.each().contains(&Judge::Paper) {
-        learn_prior(means, &playground, &config, &mut ledger)?;
+        learn_prior(means, &playground, &config, &mut ledger, &mut learned)?;
     }
     let once = passed.since_last();
     let mut run = Run {
@@ -72,7 +75,8 @@ pub fn judging(means: &Means<'_>, seed: u64, clock: &mut dyn FnMut() -> f64) -> 
     let demonstrations = table.suitabilities.iter().map(judged).collect::<Result<_>>()?;
     let adapted_behaviors_distance = table.adapted_behaviors_distance();
     let adaptation = adaptation(&table);
-    Ok(JudgingResult { demonstrations, adapted_behaviors_distance, once, judging, vote, adaptation })
+    let prior = learned.told();
+    Ok(JudgingResult { demonstrations, adapted_behaviors_distance, once, judging, vote, adaptation, prior })
 }
 
 /// Puts the prior into the ledger: that of the set itself, or of the one that the means name.
@@ -81,8 +85,8 @@ fn learn_prior(
     playground: &Playground<'_>,
     config: &Config,
     ledger: &mut dyn Ledger,
+    observer: &mut dyn Observer,
 ) -> Result<()> {
-    let observer = &mut Silent;
     let Some(PriorOf { set, config: of }) = means.prior else {
         experiment::prior(&mut Run { set: means.set, playground, config, ledger, observer })?;
         return Ok(());
@@ -90,6 +94,33 @@ fn learn_prior(
     let (mut own, of) = (InMemory::default(), Config { seed: config.seed, ..of.clone() });
     experiment::prior(&mut Run { set, playground, config: &of, ledger: &mut own, observer })?;
     experiment::hand_on_prior(&own, ledger)
+}
+
+/// What meta-training says of each of its updates.
+#[derive(Default)]
+struct MetaUpdates {
+    count: usize,
+    explained: Vec<f64>,
+}
+
+impl Observer for MetaUpdates {
+    fn on(&mut self, event: Event<'_>) -> Result<()> {
+        if let Event::Measured { stage: meta_train::STAGE, numbers, .. } = event {
+            self.count += 1;
+            let explained = numbers.iter().filter(|(name, _)| *name == meta_train::ENCODING_EXPLAINED);
+            self.explained.extend(explained.map(|(_, value)| value));
+        }
+        Ok(())
+    }
+}
+
+impl MetaUpdates {
+    fn told(&self) -> Option<PriorLearned> {
+        let last_half = &self.explained[self.explained.len() / 2..];
+        let explained = Some(statistics::mean_or_zero(last_half))
+            .filter(|explained| !last_half.is_empty() && explained.is_finite());
+        (self.count > 0).then_some(PriorLearned { meta_updates: self.count, explained })
+    }
 }
 
 /// The mean over the repeats of what was played before each inner update; `None` where nothing was.
@@ -117,7 +148,7 @@ pub fn weighing(means: &Means<'_>, seed: u64, clock: &mut dyn FnMut() -> f64) ->
     let config = Config { seed, ..means.config.clone() };
     let mut ledger = InMemory::default();
     let mut passed = Passed::from_now(&playground, clock);
-    learn_prior(means, &playground, &config, &mut ledger)?;
+    learn_prior(means, &playground, &config, &mut ledger, &mut Silent)?;
     let once = passed.since_last();
     let mut run = Run {
         set: means.set,

@@ -72,6 +72,7 @@ fn judged(method: &str, seed: u64, scores: [f64; 4]) -> Cell {
             once: cost(1000),
             judging: cost(400),
             adaptation: None,
+            prior: None,
         }),
         fingerprint: Fingerprint::default(),
     }

@@ -8,11 +8,10 @@ use super::curves::{self, Trained};
 use super::estimate::{Difference, Spread, paired_difference};
 use super::parts::Set;
 use super::plan::Study;
-use super::truth;
-use super::{Cell, Cost, Finished, Found, WeighingResult};
-use crate::data::demonstration::DemoId;
+use super::variants::{self, VariantLine};
+use super::weighed::{self, WeighedLine};
+use super::{Cell, Cost, Finished, Found, JudgingResult};
 use crate::learning::adapt::Rule;
-use crate::math::statistics;
 
 /// What the policies are worth that learned from what a method keeps.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -94,22 +93,23 @@ pub struct DistanceLine {
     pub distance: Spread,
 }
 
-/// What a method keeps by weights (Algorithm 3).
+/// What a judge of the paper starts from.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct WeighedLine {
+pub struct PriorLine {
     /// Of which set.
     pub set: String,
+    /// Of the heuristic.
+    pub unit: String,
     /// By which method.
     pub method: String,
-    /// How many demonstrations.
-    pub kept: Spread,
-    /// With how many seeds each demonstration is kept, `[n]`.
-    pub times: Vec<usize>,
-    /// Spearman's correlation of the last weights of two seeds, the mean over all pairs; missing of a single seed.
-    pub alike: Option<f64>,
-    /// Environment steps of a selection, the prior apart; methods are given as many meta-updates, and not as many steps.
-    pub environment_steps: f64,
+    /// Meta-updates, where it is meta-learned and cells say.
+    pub meta_updates: Option<Spread>,
+    /// Mean heuristic before anything is imitated.
+    pub score: Spread,
+    /// The share of the spread of the encodings that the posterior explains on trajectories that it was not trained on, where there
+    /// is one and cells say.
+    pub explained: Option<Spread>,
 }
 
 /// All of them, with the price.
@@ -130,6 +130,10 @@ pub struct Told {
     pub taught: Vec<TaughtLine>,
     /// Where subsets are selected by weights.
     pub weighed: Vec<WeighedLine>,
+    /// Of each method that judged by the judge of the paper.
+    pub priors: Vec<PriorLine>,
+    /// Where a set is judged under several variants.
+    pub variants: Vec<VariantLine>,
     /// What all finished cells cost together.
     pub cost: Cost,
     /// Cells that are there, and those that can be named by now.
@@ -152,7 +156,9 @@ pub fn tell(study: &Study, finished: &Finished) -> Told {
         distances: judged().flat_map(|set| distances(study, set, finished)).collect(),
         bodies: judged().flat_map(|set| bodies::kept(study, set, finished)).collect(),
         taught: judged().flat_map(|set| bodies::taught(study, set, finished)).collect(),
-        weighed: judged().flat_map(|set| weighed(study, set, finished)).collect(),
+        weighed: judged().flat_map(|set| weighed::weighed(study, set, finished)).collect(),
+        priors: judged().flat_map(|set| priors(study, set, finished)).collect(),
+        variants: variants::compared(study, finished),
         cost: cost(finished),
         finished: [there, work.len()],
         seeds: [judged().map(|set| set.seeds.count).max().unwrap_or(0), whole_seeds(study, finished)],
@@ -298,31 +304,26 @@ fn distances(study: &Study, set: &Set, finished: &Finished) -> Vec<DistanceLine>
     study.methods.iter().filter_map(of).collect()
 }
 
-fn weighed(study: &Study, set: &Set, finished: &Finished) -> Vec<WeighedLine> {
-    let methods = study.drawn.weights.as_ref().filter(|weights| weights.is_about(&set.name));
-    let of = |method: &String| {
-        let found: Vec<&WeighingResult> =
-            set.seeds.each().filter_map(|seed| finished.weighing(&set.name, method, seed)).collect();
-        let sizes: Vec<f64> = found.iter().map(|of| of.demos.len() as f64).collect();
-        let last: Vec<&Vec<f64>> = found.iter().filter_map(|of| of.weights.last()).collect();
-        let pairs = last
-            .iter()
-            .enumerate()
-            .flat_map(|(index, one)| last[index + 1..].iter().map(move |other| truth::spearman(one, other)));
-        let pairs: Vec<f64> = pairs.collect();
-        let steps: Vec<f64> = found.iter().map(|of| of.weighing.environment_steps as f64).collect();
-        Some(WeighedLine {
+fn priors(study: &Study, set: &Set, finished: &Finished) -> Vec<PriorLine> {
+    let of = |method: &super::Judge| {
+        let judged: Vec<&JudgingResult> =
+            set.seeds.each().filter_map(|seed| finished.judging(&set.name, &method.name, seed)).collect();
+        let start = |of: &&JudgingResult| of.demonstrations.first().map(|demo| demo.after - demo.score);
+        let start: Vec<f64> = judged.iter().filter_map(start).collect();
+        let learned = || judged.iter().filter_map(|of| of.prior);
+        let updates: Vec<f64> = learned().map(|of| of.meta_updates as f64).collect();
+        let explained: Vec<f64> = learned().filter_map(|of| of.explained).collect();
+        Some(PriorLine {
             set: set.name.clone(),
-            method: method.clone(),
-            kept: Spread::of(&sizes)?,
-            times: (0..set.demonstrations)
-                .map(|demo| found.iter().filter(|of| of.demos.contains(&DemoId(demo))).count())
-                .collect(),
-            alike: (!pairs.is_empty()).then(|| statistics::mean(&pairs)),
-            environment_steps: statistics::mean_or_zero(&steps),
+            unit: set.unit.clone(),
+            method: method.name.clone(),
+            meta_updates: Spread::of(&updates),
+            score: Spread::of(&start)?,
+            explained: Spread::of(&explained),
         })
     };
-    methods.iter().flat_map(|weights| &weights.methods).filter_map(of).collect()
+    let methods = study.methods.iter().filter(|method| method.combination.is_none() && !method.clones);
+    methods.filter_map(of).collect()
 }
 
 fn cost(finished: &Finished) -> Cost {

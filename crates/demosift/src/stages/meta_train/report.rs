@@ -6,6 +6,9 @@ use crate::basics::observer::{Event, Observer};
 use crate::math::statistics::{mean, mean_of};
 use crate::world::environment::EnvVariant;
 
+/// What the share of the spread of the encodings is called that the posterior explains.
+pub(crate) const ENCODING_EXPLAINED: &str = "encoding_explained";
+
 /// Tells the numbers of a round, those of the meta-updates among them.
 pub(super) fn report(
     state: &MetaState,
@@ -34,7 +37,7 @@ pub(super) fn report(
     if let Some(information) = information {
         numbers.extend([
             ("log_q", information.log_q),
-            ("encoding_explained", information.explained),
+            (ENCODING_EXPLAINED, information.explained),
             ("posterior_std", information.std),
             ("information_kl", information.kl),
         ]);

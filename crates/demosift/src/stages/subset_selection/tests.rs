@@ -134,14 +134,15 @@ fn algorithm_3_line_15_keeps_what_is_above_the_threshold_and_never_too_few() {
 #[test]
 fn algorithm_3_ends_when_the_subset_stays_or_the_rounds_are_up() {
     let how = SubsetSelection { rounds: 5, steady_rounds: 3, ..how() };
-    let round = |weights: [f64; 2]| Weighed {
+    let round = |weights: [f64; 3]| Weighed {
         baseline: 0.0,
-        scores: vec![0.0; 2],
-        deltas: vec![0.0; 2],
+        scores: vec![0.0; 3],
+        deltas: vec![0.0; 3],
         weights: Weights::new(weights.to_vec()),
     };
-    let (first, second) = (round([2.0, 0.5]), round([0.5, 2.0]));
-    let both = [round([2.0, 3.0]), round([3.0, 2.0])];
+    let (first, second) = (round([2.0, 0.5, 0.5]), round([0.5, 2.0, 0.5]));
+    let both = [round([2.0, 3.0, 0.5]), round([3.0, 2.0, 0.5])];
+    let all = round([2.0, 2.0, 1.5]);
     let rounds = |rounds: &[&Weighed]| rounds.iter().map(|&round| round.clone()).collect::<Vec<_>>();
     assert_eq!(end(&[], &how), None);
     assert_eq!(end(&rounds(&[&first, &first]), &how), None);
@@ -149,6 +150,9 @@ fn algorithm_3_ends_when_the_subset_stays_or_the_rounds_are_up() {
     assert_eq!(end(&rounds(&[&first, &first, &second]), &how), None);
     // The same subset in another order is the same subset.
     assert_eq!(end(&rounds(&[&both[0], &both[1], &both[0]]), &how), Some(WeighingEnd::Converged));
+    // Everybody counts at first, so that everybody is kept says nothing.
+    assert_eq!(end(&rounds(&[&all, &all, &all]), &how), None);
+    assert_eq!(end(&rounds(&[&all, &first, &first, &first]), &how), Some(WeighingEnd::Converged));
     let restless = rounds(&[&first, &second, &first, &second, &first]);
     assert_eq!(end(&restless, &how), Some(WeighingEnd::RoundLimit));
     assert_eq!(end(&restless[..4], &how), None);

@@ -194,7 +194,10 @@ fn a_figure_has_a_row_a_set_and_a_column_a_method() {
     };
     assert_eq!(names(0), ["top 1", "top half", "all", "by weights"]);
     assert_eq!(names(1), ["top 1", "top half", "all"], "the judge by cloning has no weights");
-    assert_eq!(grid.note, "Mean and one standard deviation over 3 of 10 seeds");
+    assert_eq!(
+        grid.note,
+        "Mean and one standard deviation over 3 of 10 seeds; the first 25 % of the way may be cut off"
+    );
     let none = draw::draw(&study, top_k, &Finished::default());
     assert!(none.is_empty() && none.note.contains("2 panels are not begun"), "{}", none.note);
     assert_eq!(draw::draw(&study, adaptation, &finished).rows[0].panels[0].lines.len(), 4);
@@ -379,9 +382,56 @@ fn what_weights_keep_is_told_with_how_alike_seeds_are() {
     let [weighed] = told.weighed.as_slice() else { panic!("one method is weighed") };
     assert_eq!((weighed.kept.mean, weighed.times.as_slice()), (2.0, [0, 0, 10, 10].as_slice()));
     assert_eq!((weighed.alike, weighed.environment_steps), (Some(1.0), 10.0));
+    assert_eq!((weighed.rounds.mean, weighed.converged), (1.5, 10));
+    // What is known holds the heavier two for the better half, and tells the lighter two apart, which weigh alike.
+    let truth = weighed.truth.as_ref().expect("the return is known");
+    close(truth.parting.mean, 1.0);
+    close(truth.spearman.mean, 0.9_f64.sqrt());
+    assert_eq!((&truth.truth, truth.parting.pairs), (&Against::Known("return".to_owned()), 10));
     assert!(!told.is_partial());
     study.drawn.in_part = true;
     assert!(told::tell(&study, &drawn_cells(10)).is_partial(), "sets were left out");
+}
+
+#[test]
+fn what_priors_are_is_told_of_cells_that_know() {
+    let (study, mut finished) = (drawn_study(), drawn_cells(3));
+    for (seed, explained) in [(0, 0.2), (1, 0.4)] {
+        let mut cell = judged("paper", seed, [0.1, 0.2, 0.3, 0.4]);
+        if let Found::Judging(result) = &mut cell.found {
+            result.prior = Some(PriorLearned { meta_updates: 15, explained: Some(explained) });
+        }
+        finished.add(cell);
+    }
+    let told = told::tell(&study, &finished);
+    let [prior] = told.priors.as_slice() else { panic!("cloning and combinations have none") };
+    close(prior.score.mean, 1.0);
+    assert_eq!((prior.score.seeds, prior.meta_updates.map(|of| (of.mean, of.seeds))), (3, Some((15.0, 2))));
+    close(prior.explained.expect("of two").mean, 0.3);
+}
+
+#[test]
+fn another_variant_is_told_from_another_seed() {
+    let mut study = drawn_study();
+    study.sets[0].variant = Some("low".to_owned());
+    let other = Set { name: "high".to_owned(), variant: Some("high".to_owned()), ..study.sets[0].clone() };
+    study.sets.push(other);
+    let mut finished = drawn_cells(2);
+    for seed in 0..2 {
+        // The paper's judge turns around under the other shot, and cloning does not.
+        for (method, scores) in [("paper", [0.4, 0.3, 0.2, 0.1]), ("cloning", [0.4, 0.3, 0.2, 0.1])] {
+            let mut cell = judged(method, seed, scores);
+            cell.work = Work::Judging { set: "high".to_owned(), method: method.to_owned(), seed };
+            finished.add(cell);
+        }
+    }
+    let told = told::tell(&study, &finished);
+    let of = |method: &str| told.variants.iter().find(|of| of.method == method).expect("a line");
+    assert_eq!((of("paper").variants, of("paper").seeds), (2, 2));
+    close(of("paper").within, 1.0);
+    close(of("paper").across, -1.0);
+    close(of("cloning").across, 1.0);
+    assert!(told::tell(&drawn_study(), &finished).variants.is_empty(), "there is one variant");
 }
 
 #[test]
