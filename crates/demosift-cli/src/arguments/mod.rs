@@ -273,7 +273,8 @@ pub(crate) struct OracleArguments {
     /// How often each demonstration is imitated, each time with another seed
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub(crate) repeats: usize,
-    /// Imitate N random subsets as large as the kept one too, where the run folder holds the policy from the kept
+    /// Imitate N random subsets as large as the kept one too, where the run folder holds the policy from the kept, which
+    /// `demosift imitate` makes
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) random: usize,
     #[command(flatten)]
