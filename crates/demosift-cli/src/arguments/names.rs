@@ -9,7 +9,7 @@ use demosift::stages::method::Method;
 pub(crate) enum PresetName {
     /// Minutes: proves that it runs, and ranks roughly
     Quick,
-    /// Minutes a set: several times as much, for a ranking to act on
+    /// Minutes to an hour for a set of ten: several times as much, for a ranking to act on
     Standard,
     /// The paper's values
     Paper,
