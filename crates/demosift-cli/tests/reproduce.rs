@@ -187,6 +187,10 @@ fn an_experiment_becomes_cells_figures_numbers_and_a_page() {
     fs::rename(scratch.0.join("pages/tiny.json"), &moved).unwrap();
     scratch.succeed("reproduce tiny.json --page again/first.md --commit abc123 --machine a-toaster");
     crate::support::assert_same_files(&first, &scratch.files("again"));
+    scratch.refuse(
+        "reproduce tiny.json --page again/first.md --out other",
+        &["--out is about making cells, and a file of results is only drawn", "hint: leave it out"],
+    );
     let json: Value = serde_json::from_str(&scratch.succeed("reproduce tiny.json --json")).unwrap();
     assert_eq!((json["experiment"].as_str(), json["partial"].as_bool()), (Some("tiny"), Some(true)));
     assert_eq!(json["told"]["seeds"], serde_json::json!([2, 2]));

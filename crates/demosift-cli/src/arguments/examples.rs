@@ -95,7 +95,8 @@ Examples:
   Was the ranking right? The slow way to know:
     demosift oracle --out runs/throws --resume --repeats 1 --dry-run
     demosift oracle --out runs/throws --resume --repeats 1
-  And are the kept better than five random subsets of their size?
+  And are the kept better than five random subsets of their size? First a policy from the kept, then the others:
+    demosift imitate --out runs/throws --resume
     demosift oracle --out runs/throws --resume --repeats 1 --random 5";
 
 pub(crate) const STUDY: &str = "\

@@ -233,7 +233,7 @@ pub(crate) struct RunArguments {
     /// The root of all random numbers [default: 0]
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
-    /// A TOML file of values that differ from the preset's and the task's
+    /// A TOML file of values that differ from the preset's and the task's; docs/configuration.md says what each key means
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
     /// One value that differs, such as judge.iterations=3 or inner.imitation=behavioral_cloning; may be repeated
@@ -273,7 +273,8 @@ pub(crate) struct OracleArguments {
     /// How often each demonstration is imitated, each time with another seed
     #[arg(long, value_name = "N", default_value_t = 3)]
     pub(crate) repeats: usize,
-    /// Imitate N random subsets as large as the kept one too, where the run folder holds the policy from the kept
+    /// Imitate N random subsets as large as the kept one too, where the run folder holds the policy from the kept, which
+    /// `demosift imitate` makes
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) random: usize,
     #[command(flatten)]

@@ -7,9 +7,9 @@ use demosift::stages::method::Method;
 /// [`demosift::run::preset::Preset`] as it is typed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum PresetName {
-    /// Minutes; proves that it runs, and ranks roughly
+    /// Minutes: proves that it runs, and ranks roughly
     Quick,
-    /// Minutes too, but several times as many; what the result pages use
+    /// Minutes to an hour for a set of ten: several times as much, for a ranking to act on
     Standard,
     /// The paper's values
     Paper,

@@ -15,7 +15,8 @@ pub(crate) struct PlayArguments {
     /// Play this policy: a policy_*.safetensors of a run folder
     #[arg(long, value_name = "FILE")]
     pub(crate) policy: Option<PathBuf>,
-    /// Replay demonstrations of this set from their recorded states: one that `demosift record` or `demosift convert` made
+    /// Replay demonstrations of this set from their recorded states: one that `demosift record` or `demosift convert` made;
+    /// with --env play their recorded actions again, from the seeds of a set of Minari or the states of one of robomimic
     #[arg(long, value_name = "SET")]
     pub(crate) data: Option<PathBuf>,
     /// Which demonstrations, such as 1,0,4, in this order [default: all]

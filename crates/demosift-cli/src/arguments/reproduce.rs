@@ -14,9 +14,11 @@ pub(crate) struct ReproduceArguments {
     /// folder of such files
     #[arg(value_name = "NAME|STUDY.toml|RESULTS.json|DIR")]
     pub(crate) experiment: String,
-    /// How much to spend: quick proves that it runs, with two seeds and small budgets; standard has ten seeds; paper has the
-    /// paper's values [default: standard, or what the study file says]
-    #[arg(long, value_enum)]
+    /// How much to spend: quick proves that it runs, with two seeds and small budgets, in minutes; standard has ten seeds, and
+    /// most experiments take hours of a processor; paper has the paper's values, and takes much longer; --dry-run counts what
+    /// is to be made [possible values: quick, standard, paper] [default: standard, or what the study file says]
+    // The texts of the values are about a run of one set.
+    #[arg(long, value_enum, hide_possible_values = true)]
     pub(crate) preset: Option<PresetName>,
     /// Seeds, each of one judging and one training a method and set [default: as the preset says]
     #[arg(long, value_name = "N")]

@@ -35,10 +35,11 @@ pub(crate) struct ConvertArguments {
     /// The format to write
     #[arg(long, value_enum)]
     pub(crate) to: Target,
-    /// The task that was shown, which tells LeRobot the rate of the steps
+    /// The task that was shown, by whose name LeRobot knows it; it also says the rate of the steps where neither the source nor
+    /// its set.toml does
     #[arg(long, value_name = "NAME|PATH")]
     pub(crate) task: Option<String>,
-    /// Steps in a second, which LeRobot wants to know [default: as the task says]
+    /// Steps in a second, which LeRobot wants to know [default: as the source says, else its set.toml, else the task]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) fps: Option<u32>,
     /// Print what was written as JSON
@@ -74,7 +75,8 @@ pub(crate) struct ExportArguments {
     /// Name of the robomimic filter key
     #[arg(long, value_name = "NAME", default_value = "demosift")]
     pub(crate) name: String,
-    /// Steps in a second, which LeRobot wants to know [default: as the task of the run says]
+    /// Steps in a second, which LeRobot wants to know [default: as the source says, else its set.toml, else the task of the
+    /// run]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) fps: Option<u32>,
     /// Export these demonstrations instead, such as 0,3,7

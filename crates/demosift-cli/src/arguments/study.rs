@@ -18,7 +18,8 @@ pub(crate) struct StudyArguments {
     pub(crate) out: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) cells: CellArguments,
-    /// Only these sets, methods or both, such as free_throw_8/cloning,oracle or /paper; oracle, regret and pools name trainings
+    /// Only these sets, methods or both, such as free_throw_8/cloning,oracle or /paper; oracle, regret, pools and curves name
+    /// trainings, and weights the selections by weights
     #[arg(long, value_name = "SETS/METHODS")]
     pub(crate) only: Option<OnlyThese>,
     /// Say how many cells there are and what they cost; make nothing

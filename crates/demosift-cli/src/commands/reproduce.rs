@@ -150,11 +150,22 @@ fn draw_folder(arguments: &ReproduceArguments, folder: &Path) -> Result<()> {
 /// A file of results is drawn on any machine, without the sets.
 fn draw_again(arguments: &ReproduceArguments, path: &Path) -> Result<Summarized> {
     let ReproduceArguments { data, out, cells, only, dry_run, preset, seeds, .. } = arguments;
-    let makes = data.is_some() || out.is_some() || cells.are_made() || only.is_some() || *dry_run;
-    if makes || preset.is_some() || seeds.is_some() {
-        return Err(Error::bad_input("a file of results is only drawn, with --page or --json")
-            .at(path)
-            .with_hint("give the name of an experiment, or the study file, NAME.toml, to make cells"));
+    let making = [
+        ("--data", data.is_some()),
+        ("--out", out.is_some()),
+        ("--from", cells.from.is_some()),
+        ("--part", cells.part.is_some()),
+        ("--only", only.is_some()),
+        ("--dry-run", *dry_run),
+        ("--preset", preset.is_some()),
+        ("--seeds", seeds.is_some()),
+    ];
+    if let Some((option, _)) = making.into_iter().find(|(_, is_given)| *is_given) {
+        let what = format!("{option} is about making cells, and a file of results is only drawn");
+        return Err(Error::bad_input(what).at(path).with_hint(
+            "leave it out: --page says where the page is written; or give the name of an experiment, or the study file, \
+             NAME.toml, to make cells",
+        ));
     }
     let compact = read_results(path)?;
     let bytes = compact::write(&compact, &pools::asked(&compact.study, &compact.finished));

@@ -272,6 +272,61 @@ mod tests {
         }
     }
 
+    /// Each key of a configuration with its value; `parent` stands before it.
+    fn keys(values: &Table, parent: &str) -> Vec<(String, String)> {
+        let named = |key: &String| format!("{parent}{key}");
+        let of = |(key, value): (&String, &Value)| match value {
+            Value::Table(inner) => keys(inner, &format!("{}.", named(key))),
+            value => vec![(named(key), value.to_string())],
+        };
+        values.iter().flat_map(of).collect()
+    }
+
+    /// The rows of the tables of a document: under `default` keys stand with all that is before them, under another column, such
+    /// as `inner`, without its name. A default is one value, or one for each preset.
+    fn documented(document: &str) -> Vec<(String, Vec<String>)> {
+        let mut rows = Vec::new();
+        let mut head: Vec<&str> = Vec::new();
+        for line in document.lines() {
+            let Some(line) = line.strip_prefix("| ") else {
+                if !line.starts_with('|') {
+                    head.clear();
+                }
+                continue;
+            };
+            let cells: Vec<&str> = line.trim_end_matches('|').split('|').map(str::trim).collect();
+            if head.is_empty() {
+                head = cells;
+                continue;
+            }
+            for (column, cell) in head.iter().zip(&cells).skip(2) {
+                let parent = if *column == "default" { String::new() } else { format!("{column}.") };
+                let key = format!("{parent}{}", cells[0]).replace('`', "");
+                rows.push((key, cell.split(" / ").map(str::to_owned).collect()));
+            }
+        }
+        rows
+    }
+
+    #[test]
+    fn each_key_stands_in_the_document_with_its_value_in_each_preset() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/configuration.md");
+        let rows = documented(&std::fs::read_to_string(path).unwrap());
+        for (place, (name, chosen)) in Preset::ALL.into_iter().enumerate() {
+            let mut values = plain(chosen);
+            with_trainings_by_trainer(&mut values);
+            let wanted = keys(&values, "");
+            let said: Vec<(String, String)> = rows
+                .iter()
+                .map(|(key, defaults)| (key.clone(), defaults.get(place).unwrap_or(&defaults[0]).clone()))
+                .collect();
+            let missing: Vec<_> = wanted.iter().filter(|row| !said.contains(row)).collect();
+            assert!(missing.is_empty(), "{name}: the document does not say {missing:?}");
+            let wrong: Vec<_> = said.iter().filter(|row| !wanted.contains(row)).collect();
+            assert!(wrong.is_empty(), "{name}: the document is wrong about {wrong:?}");
+        }
+    }
+
     #[test]
     fn the_first_difference_has_both_values() {
         let (mut old, mut new) = (plain(Preset::Quick), plain(Preset::Quick));
