@@ -296,6 +296,28 @@ fn refuses(scratch: &Scratch, arguments: &str, wanted: &[&str]) {
     assert!(!scratch.0.join("runs").exists(), "a folder was made");
 }
 
+/// A file of results has curves where its own figures show them; which others are drawn is known only when all is judged.
+#[test]
+fn trainings_without_a_curve_are_taken_over_until_a_figure_shows_them() {
+    let scratch = scratch("reproduce-without-curves");
+    let all = STUDY.replace("[curves]", "[oracle]\nimitators = [\"gail\"]\nseeds = 2\n[curves]");
+    fs::write(scratch.0.join("tiny.toml"), &all).unwrap();
+    let figure = "[[figures]]\nname = \"curves\"\ntitle = \"Curves\"\ndraws = \"top_k\"\n";
+    fs::write(scratch.0.join("blind.toml"), all.replace(figure, "")).unwrap();
+    scratch.succeed("reproduce blind.toml --out blind --only curves,oracle --page blind.md");
+    let kinds = |json: &str| -> Vec<String> {
+        let told: Value = serde_json::from_str(json).unwrap();
+        let kinds = told["missing"].as_array().unwrap().iter();
+        kinds.map(|kind| kind["name"].as_str().unwrap().to_owned()).collect()
+    };
+    let dry = scratch.succeed("reproduce tiny.toml --out run --from blind.json --only oracle --dry-run --json");
+    assert!(kinds(&dry).is_empty(), "the oracle is there: {dry}");
+    scratch.succeed("reproduce tiny.toml --out run --from blind.json --page page.md");
+    let csv = read(&scratch, "curves.csv");
+    assert!(csv.lines().skip(1).all(|line| line.ends_with(",2")), "each curve is of both seeds: {csv}");
+    assert!(csv.contains("\"four, gail\",cloning,top 1,"), "{csv}");
+}
+
 #[test]
 fn each_mistake_of_a_user_is_told() {
     let scratch = scratch("reproduce-mistakes");

@@ -164,6 +164,26 @@ pub(crate) fn held_elsewhere(folder: &Path, name: &str) -> Option<Holder> {
     Holder::of(&held).filter(|holder| !holder.can_be_told(&Holder::me()))
 }
 
+/// Names that others hold, and the first that they do not.
+pub(crate) struct Beside {
+    pub(crate) name: String,
+    pub(crate) held: Vec<String>,
+}
+
+impl Beside {
+    /// The name, or `NAME.2` and so on: where somebody of another machine holds the first, nobody here can know whether that
+    /// machine was lost.
+    pub(crate) fn of(first: &str, held_by: impl Fn(&str) -> Option<Holder>, tell: impl Fn(&Holder)) -> Self {
+        let mut place = Self { name: first.to_owned(), held: Vec::new() };
+        while let Some(holder) = held_by(&place.name) {
+            tell(&holder);
+            let next = format!("{first}.{}", place.held.len() + 2);
+            place.held.push(std::mem::replace(&mut place.name, next));
+        }
+        place
+    }
+}
+
 /// Whether a folder holds the lock of a process, be it alive or gone.
 pub(crate) fn is_there(folder: &Path) -> bool {
     fs::symlink_metadata(folder.join(".lock")).is_ok()

@@ -19,7 +19,7 @@ use super::identity::{Begun, Identity, check_same, first_format};
 use crate::configuration::asked_again::{self, PARTS, is_about_one_keep};
 use crate::configuration::resolved::{self, RESOLVED};
 use crate::console::{interruption, terminal};
-use crate::files::lock::{self, Lock};
+use crate::files::lock::{self, Beside, Lock};
 use crate::files::metrics_file::MEASURED;
 use crate::files::writing::undisturbed;
 
@@ -161,20 +161,17 @@ struct Share {
 }
 
 impl Share {
-    /// A part in the folder of its name, or in one beside it: where somebody of another machine holds the lock of the first,
-    /// nobody here can know whether that machine was lost, and two folders do no harm.
+    /// A part in the folder of its name, or in one beside it; two folders do no harm.
     fn of(run: &Path, part: Part) -> Self {
-        let (parts, name, mut before) = (run.join(PARTS), part.name(), Vec::new());
-        let mut folder = parts.join(&name);
-        while let Some(holder) = lock::held_elsewhere(&folder, "") {
+        let parts = run.join(PARTS);
+        let held_by = |name: &str| lock::held_elsewhere(&parts.join(name), "");
+        let Beside { name, held } = Beside::of(&part.name(), held_by, |holder| {
             terminal::say(&format!(
                 "note: part {part} was begun by {holder}, and this takes its place; if that one still works, one of them does \
                  it in vain"
             ));
-            before.push(folder);
-            folder = parts.join(format!("{name}.{}", before.len() + 1));
-        }
-        Self { part, folder, before }
+        });
+        Self { part, folder: parts.join(name), before: held.iter().map(|name| parts.join(name)).collect() }
     }
 }
 

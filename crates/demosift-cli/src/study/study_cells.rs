@@ -57,6 +57,7 @@ impl<'o> Studied<'o> {
 
     /// Reads all finished cells, also those that depend on others.
     pub(crate) fn gather(&mut self) -> Result<()> {
+        self.forget_what_lacks_a_curve();
         loop {
             let mut found = false;
             for work in self.opened.study.work(&self.finished) {
@@ -82,6 +83,14 @@ impl<'o> Studied<'o> {
                 return Ok(());
             }
         }
+    }
+
+    /// What is kept may have turned out since to be what a cell of an earlier file was trained on, whose curve is then drawn.
+    fn forget_what_lacks_a_curve(&mut self) {
+        let handed_on = self.earlier.cells().filter_map(|cell| self.finished.cell(&cell.work));
+        let lacking = handed_on.filter(|cell| !self.opened.study.has_all_to_show(cell, &self.finished));
+        let lacking: Vec<Work> = lacking.map(|cell| cell.work.clone()).collect();
+        lacking.iter().for_each(|work| self.finished.forget(work));
     }
 
     /// What `--dry-run` answers.

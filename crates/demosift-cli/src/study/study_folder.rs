@@ -12,7 +12,7 @@ use demosift::run::study::{Cell, Fingerprint, Work, hash_of_entering};
 use demosift::{Error, Result};
 
 use crate::console::{interruption, terminal};
-use crate::files::lock::{self, Lock};
+use crate::files::lock::{self, Beside, Holder, Lock};
 use crate::files::writing::undisturbed;
 use crate::study::study_file::OpenedSet;
 
@@ -89,20 +89,16 @@ impl StudyFolder {
         Ok(())
     }
 
-    /// The name of a part's lock, or of one beside it: where somebody of another machine holds the first, nobody here can know
-    /// whether that machine was lost, and a cell that two make is the same.
+    /// The name of a part's lock, or of one beside it; a cell that two make is the same.
     fn lock_of(&self, part: Part) -> String {
-        let first = format!("_{}", part.name());
-        let (mut name, mut number) = (first.clone(), 1);
-        while let Some(holder) = lock::held_elsewhere(&self.path, &name) {
+        let held_by = |name: &str| lock::held_elsewhere(&self.path, name);
+        let tell = |holder: &Holder| {
             terminal::say(&format!(
                 "note: part {part} was begun by {holder}, and this takes its place; if that one still works, both make the same \
                  cells"
             ));
-            number += 1;
-            name = format!("{first}.{number}");
-        }
-        name
+        };
+        Beside::of(&format!("_{}", part.name()), held_by, tell).name
     }
 
     pub(crate) fn path(&self) -> &Path {

@@ -368,6 +368,11 @@ impl Finished {
         self.0.insert(cell.work.name(), cell);
     }
 
+    /// Takes a cell out.
+    pub fn forget(&mut self, work: &Work) {
+        self.0.remove(&work.name());
+    }
+
     /// The result of some work, be it a failure.
     pub fn cell(&self, work: &Work) -> Option<&Cell> {
         self.0.get(&work.name()).filter(|cell| cell.work == *work)

@@ -7,12 +7,12 @@ use super::{Cell, Finished, Found, Work};
 use crate::basics::error::{Error, Result};
 
 impl Study {
-    /// Whether a cell of a file of results still has all that this study shows of it, as far as its cells are finished: such a
-    /// file has curves only where its own figures show them.
+    /// Whether a cell of a file of results still has all that this study shows of it: such a file has curves only where its own
+    /// figures show them. More may be shown of it once more is judged, so it is asked again then.
     pub fn has_all_to_show(&self, cell: &Cell, finished: &Finished) -> bool {
         match &cell.found {
             Found::Training(training) => {
-                !training.curve.is_empty() || !self.may_show_the_curve_of(&cell.work, finished)
+                !training.curve.is_empty() || !self.shows_the_curve_of(&cell.work, finished)
             }
             // A judge by cloning plays nothing on the way, so that it never has any.
             Found::Judging(judging) => {
@@ -23,23 +23,13 @@ impl Study {
         }
     }
 
-    /// Whether the curve of a training is drawn, or may turn out to be: until all is judged, anything may be kept.
-    fn may_show_the_curve_of(&self, training: &Work, finished: &Finished) -> bool {
+    fn shows_the_curve_of(&self, training: &Work, finished: &Finished) -> bool {
         let Work::Training { set, imitator, .. } = training else { return false };
         let Some(set) = self.set(set).filter(|_| self.drawn.shows(Draws::TopK)) else { return false };
         let methods: Vec<&Judge> = self.methods.iter().collect();
-        let weighed = self.drawn.weights.iter().filter(|weights| weights.is_about(&set.name));
-        let judged = self.methods.iter().filter(|method| method.combination.is_none());
-        let is_known = set.seeds.each().all(|seed| {
-            let of = |method: &String| (set.name.clone(), method.clone());
-            let mut judgings = judged.clone().map(|method| of(&method.name));
-            let mut weighings = weighed.clone().flat_map(|weights| weights.methods.iter().map(of));
-            judgings.all(|(set, method)| finished.holds(&Work::Judging { set, method, seed }))
-                && weighings.all(|(set, method)| finished.holds(&Work::Weighing { set, method, seed }))
-        });
         let mut drawn = Vec::new();
         self.curve_work(set, &methods, *imitator, finished, &mut drawn);
-        !is_known || drawn.contains(training)
+        drawn.contains(training)
     }
 
     fn method_of(&self, work: &Work) -> Option<&Judge> {
