@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use demosift::data::demonstration::episode::Format;
 use demosift::data::demonstration::{self, lerobot, minari, open, robomimic};
 use demosift::data::trajectory::StateLog;
+use demosift::math::rows::Rows;
 
 use super::{LENGTHS, Scratch, assert_says, fixture, read};
 
@@ -42,6 +43,35 @@ fn what_is_written_is_read_again() {
         assert_eq!(shorter.observations, episode.observations.head(steps));
         assert_eq!(shorter.last_observation.as_deref(), Some(episode.observations.row(steps)));
     }
+}
+
+/// LeRobot takes a shape of [1] for a plain column, and its reader fails on a list there.
+#[test]
+fn one_number_a_step_is_written_to_lerobot_as_a_plain_column() {
+    let scratch = Scratch::new("one-number");
+    let mut original = read(&fixture("minari_hdf5")).unwrap();
+    let first = |rows: &Rows| Rows::from_flat(rows.iter().map(|row| row[0]).collect(), 1).unwrap();
+    for episode in &mut original.episodes {
+        episode.observations = first(&episode.observations);
+        episode.actions = first(&episode.actions);
+        episode.last_observation = None;
+    }
+    let states: Vec<StateLog> = LENGTHS
+        .iter()
+        .map(|&len| StateLog { qpos: (0..len).map(|at| at as f64 / 3.0).collect(), qvel: vec![0.1; 2 * len] })
+        .collect();
+    let path = scratch.0.join("lerobot");
+    let described = lerobot::Described { steps_per_sec: 50, ..Default::default() };
+    lerobot::write(&path, &original.episodes, Some(&states), &described).unwrap();
+    let again = read(&path).unwrap();
+    let columns = open::columns(&path, &again).unwrap();
+    let kind = |name: &str| columns.iter().find(|column| column.name == name).unwrap().kind.as_str();
+    assert_eq!(
+        ["observation.state", "action", "simulator.qpos", "simulator.qvel", "timestamp"].map(kind),
+        ["f32", "f32", "f64", "list of f64", "f32"]
+    );
+    assert_eq!(again.set().unwrap(), original.set().unwrap());
+    assert_eq!(open::read_states(&path, None).unwrap().unwrap(), states);
 }
 
 /// What stands in for a video, as nobody looks into them.
