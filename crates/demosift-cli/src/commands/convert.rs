@@ -66,6 +66,7 @@ pub(super) fn described(source: &Source, path: &Path, said: &Said, asked: &Asked
         Format::LeRobotV3 | Format::LeRobotV2 => lerobot::description(path, source)?,
         _ => Described::default(),
     };
+    described.untold.iter().for_each(|words| terminal::note(words));
     if asked.fps.is_some_and(|fps| fps != described.steps_per_sec) && !described.videos.cameras.is_empty() {
         let left = format!(
             "the videos are not passed on: they are of {} pictures in a second",

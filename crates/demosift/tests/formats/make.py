@@ -111,6 +111,17 @@ def lerobot_ragged(name):
     (root / "meta/info.json").write_text(json.dumps(info))
 
 
+def lerobot_sentences(name):
+    """The list of episodes of lerobot_v3, in which the second has two sentences and the third none."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    whole = HERE / "lerobot_v3/meta/episodes/chunk-000/file-000.parquet"
+    table = pq.read_table(whole, columns=["episode_index", "tasks", "length"])
+    sentences = pa.array([["reach"], ["grasp", "lift"], []], pa.list_(pa.string()))
+    pq.write_table(table.set_column(table.column_names.index("tasks"), "tasks", sentences), fresh(name))
+
+
 def minari(name, data_format):
     import gymnasium as gym
     from minari.data_collector import EpisodeBuffer
@@ -351,6 +362,7 @@ TOOLS = {
     "lerobot-v2": lambda: lerobot("lerobot_v2"),
     "lerobot-jump": lambda: lerobot_jump("lerobot_jump"),
     "lerobot-ragged": lambda: lerobot_ragged("lerobot_ragged"),
+    "lerobot-sentences": lambda: lerobot_sentences("lerobot_sentences.parquet"),
     "minari": lambda: (minari("minari_hdf5", "hdf5"), minari("minari_parquet", "parquet"),
                        minari("minari_parquet_dict", "parquet")),
     "robomimic": lambda: robomimic("robomimic.hdf5"),

@@ -147,6 +147,49 @@ fn videos_go_with_the_episodes_that_are_written() {
     assert_says(&error, &["1 videos of observation.images.top", "each of the 2 episodes"]);
 }
 
+#[test]
+fn one_episode_with_two_sentences_takes_no_other_with_it() {
+    let scratch = Scratch::new("sentences");
+    for (name, list) in
+        [("lerobot_v3", "episodes/chunk-000/file-000.parquet"), ("lerobot_v2", "episodes.jsonl")]
+    {
+        let path = scratch.copy(name);
+        let list = path.join("meta").join(list);
+        let source = read(&path).unwrap();
+        let all = lerobot::description(&path, &source).unwrap();
+        assert_eq!(
+            (&all.tasks[..], &all.untold[..]),
+            (&["reach", "reach", "reach"].map(str::to_owned)[..], &[][..])
+        );
+        if name == "lerobot_v3" {
+            fs::copy(fixture("lerobot_sentences.parquet"), &list).unwrap();
+        } else {
+            let line = |(episode, tasks): (usize, &str)| {
+                format!(
+                    "{{\"episode_index\": {episode}, \"tasks\": {tasks}, \"length\": {}}}\n",
+                    LENGTHS[episode]
+                )
+            };
+            let lines = ["[\"reach\"]", "[\"grasp\", \"lift\"]", "[]"].into_iter().enumerate().map(line);
+            fs::write(&list, lines.collect::<String>()).unwrap();
+        }
+        let found = lerobot::description(&path, &source).unwrap();
+        assert_eq!(found.tasks, ["reach", "grasp", ""], "{name}");
+        let [untold] = &found.untold[..] else { panic!("{:?}", found.untold) };
+        assert!(
+            untold.contains("1 episode without a sentence") && untold.contains("such as episode 2"),
+            "{untold}"
+        );
+
+        // A list that cannot be read is told.
+        fs::write(&list, "{\"episode_index\": 0, \"tasks\"").unwrap();
+        let found = lerobot::description(&path, &source).unwrap();
+        assert_eq!(found.tasks.len(), 0, "{name}");
+        let [untold] = &found.untold[..] else { panic!("{:?}", found.untold) };
+        assert!(untold.contains("meta/episodes") && untold.contains("cannot be read"), "{untold}");
+    }
+}
+
 /// A name that leads elsewhere is no column of a data set.
 #[test]
 fn no_video_is_written_outside_of_the_folder() {
