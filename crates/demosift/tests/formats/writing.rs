@@ -93,7 +93,29 @@ fn with_cameras(scratch: &Scratch) -> PathBuf {
         }
     }
     fs::write(info, described.to_string()).unwrap();
+    let statistics = path.join("meta/episodes_stats.jsonl");
+    let lines = fs::read_to_string(&statistics).unwrap();
+    let lines = lines.lines().enumerate().map(|(episode, line)| {
+        let mut line: serde_json::Value = serde_json::from_str(line).unwrap();
+        for camera in ["observation.images.top", "observation.images.wrist"] {
+            line["stats"][camera] = brightness(episode);
+        }
+        format!("{line}\n")
+    });
+    let lines: String = lines.collect();
+    fs::write(statistics, lines).unwrap();
     path
+}
+
+/// What LeRobot 0.3 says of an episode whose pictures have one frame of 0.2 and the rest of 0.8, in its shape.
+fn brightness(episode: usize) -> serde_json::Value {
+    let frames = LENGTHS[episode] as f64;
+    let mean = (0.2 + 0.8 * (frames - 1.0)) / frames;
+    let std = (((0.2 - mean).powi(2) + (0.8 - mean).powi(2) * (frames - 1.0)) / frames).sqrt();
+    let shaped = |number: f64| serde_json::json!([[[number]], [[number]], [[number]]]);
+    serde_json::json!({
+        "min": shaped(0.2), "max": shaped(0.8), "mean": shaped(mean), "std": shaped(std), "count": [LENGTHS[episode]],
+    })
 }
 
 #[test]
@@ -133,6 +155,18 @@ fn videos_go_with_the_episodes_that_are_written() {
     assert_eq!(info["video_path"], "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4");
     assert_eq!(format!("{:?}", found.videos).matches(&format!("to_secs: {:?}", 5.0 / rate)).count(), 2);
 
+    // Of all frames: 3 of 12 are dark. What version 2.1 says of each episode is taken together, and then handed on.
+    for folder in [&first, &second] {
+        let text = fs::read(folder.join("meta/stats.json")).unwrap();
+        let statistics: serde_json::Value = serde_json::from_slice(&text).unwrap();
+        let of_camera = &statistics["observation.images.wrist"];
+        assert_eq!((&of_camera["count"][0], &of_camera["min"][2][0][0]), (&12.into(), &0.2.into()));
+        for (name, wanted) in [("mean", 0.65), ("std", 0.6 * (0.25_f64 * 0.75).sqrt())] {
+            let found = of_camera[name][2][0][0].as_f64().unwrap();
+            assert!((found - wanted).abs() < 1e-12, "{name} {found}, wanted {wanted}");
+        }
+    }
+
     // One that is not there is named, and the other camera is passed on.
     fs::remove_file(path.join("videos/chunk-000/observation.images.top/episode_000001.mp4")).unwrap();
     let fewer = lerobot::description(&path, &source).unwrap().videos;
@@ -142,6 +176,11 @@ fn videos_go_with_the_episodes_that_are_written() {
         "{missing}"
     );
     assert_eq!(fewer.cameras.len(), 1);
+    fs::remove_file(path.join("meta/episodes_stats.jsonl")).unwrap();
+    let without = lerobot::description(&path, &source).unwrap().videos.missing;
+    let says =
+        |missing: &String| missing.contains("the statistics of observation.images.wrist are not passed on");
+    assert!(without.iter().any(says), "{without:?}");
     let wrong = lerobot::Described { videos: all.videos.of(&[0]), ..all };
     let error = lerobot::write(&scratch.0.join("wrong"), &kept, None, &wrong).unwrap_err();
     assert_says(&error, &["1 videos of observation.images.top", "each of the 2 episodes"]);
