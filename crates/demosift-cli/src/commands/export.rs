@@ -107,13 +107,18 @@ fn write_minari(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     let Demonstrations { source, path, said, .. } = &kept.demonstrations;
     let episodes = at(&places(kept), &source.episodes);
     let bounds = demonstrations::action_bounds(source, said);
-    undisturbed(|| {
-        match source.format {
-            Format::MinariHdf5 => minari::write_subset(&out, path, &labels(kept), &name),
-            _ => minari::write(&out, &episodes, &name, bounds.as_deref()),
-        }?;
-        demonstrations::hand_on(said, &out)
+    let changed = undisturbed(|| {
+        let changed = match source.format {
+            Format::MinariHdf5 => minari::write_subset(&out, path, &labels(kept), &name)?,
+            _ => {
+                minari::write(&out, &episodes, &name, bounds.as_deref())?;
+                Vec::new()
+            }
+        };
+        demonstrations::hand_on(said, &out)?;
+        Ok(changed)
     })?;
+    changed.iter().for_each(|words| terminal::note(words));
     written(kept, &out)
 }
 

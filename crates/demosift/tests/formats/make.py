@@ -151,6 +151,29 @@ def minari(name, data_format):
     })
 
 
+def minari_infos(name):
+    """A `main_data.hdf5` with infos and attributes of other kinds, of which h5py writes what Minari hands it."""
+    import h5py
+
+    with h5py.File(fresh(name), "w") as file:
+        for i, steps in enumerate(LENGTHS):
+            group = file.create_group(f"episode_{i}")
+            group.create_dataset("observations", data=observations(i, steps + 1))
+            group.create_dataset("actions", data=actions(i, steps))
+            group.create_dataset("infos/half", data=observations(i, steps + 1).astype(np.float16))
+            group["infos/half"].attrs["unit"] = "m"
+            group.create_dataset("infos/big", data=np.arange(steps + 1, dtype=">i2"))
+            group.create_dataset("infos/flags", data=np.arange(steps + 1) % 2 == 0)
+            group.create_dataset("infos/raw", data=np.full(steps + 1, b"ab", dtype="V2"))
+            group.create_dataset("infos/once", data=np.float32(0.5))
+            group.create_dataset("infos/nothing", data=h5py.Empty("f4"))
+            group.attrs["id"] = i
+            group.attrs["seed"] = 7 + i
+            group.attrs["success"] = np.bool_(i == 2)
+            group.attrs["half"] = np.float16(0.25)
+            group.attrs["options"] = h5py.Empty("S1")
+
+
 def robomimic(name):
     """robomimic has no writer of its own: its converters write this layout with h5py, as is done here."""
     import h5py
@@ -365,6 +388,7 @@ TOOLS = {
     "lerobot-sentences": lambda: lerobot_sentences("lerobot_sentences.parquet"),
     "minari": lambda: (minari("minari_hdf5", "hdf5"), minari("minari_parquet", "parquet"),
                        minari("minari_parquet_dict", "parquet")),
+    "minari-infos": lambda: minari_infos("minari_infos.hdf5"),
     "robomimic": lambda: robomimic("robomimic.hdf5"),
     "imitation": lambda: imitation("imitation.npz"),
     "baselines": lambda: baselines("baselines.npz"),

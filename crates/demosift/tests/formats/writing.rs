@@ -304,6 +304,47 @@ fn a_minari_subset_of_a_file_alone_describes_itself() {
     assert_eq!(read(&path).unwrap().episodes[0].actions, read(&alone).unwrap().episodes[1].actions);
 }
 
+/// Half floats, other orders of bytes, bytes without a meaning and truth are copied as they are; what cannot be is told.
+#[test]
+fn a_minari_subset_holds_infos_of_every_plain_kind() {
+    let scratch = Scratch::new("infos");
+    let (original, path) = (fixture("minari_infos.hdf5"), scratch.0.join("subset"));
+    let labels = ["1".to_owned(), "2".to_owned()];
+    let changed = minari::write_subset(&path, &original, &labels, "demosift/test-v0").unwrap();
+    let (whole, subset) =
+        [original, path.join("data/main_data.hdf5")].map(|file| hdf5_pure::File::open(file).unwrap()).into();
+    for (from, to) in [(1, 0), (2, 1)] {
+        for name in ["infos/half", "infos/big", "infos/flags", "infos/raw", "infos/once"] {
+            let [from, to] = [(&whole, from), (&subset, to)]
+                .map(|(file, episode)| file.dataset(&format!("episode_{episode}/{name}")).unwrap());
+            assert_eq!(to.datatype().unwrap(), from.datatype().unwrap(), "{name}");
+            assert_eq!(to.read_raw().unwrap(), from.read_raw().unwrap(), "{name}");
+            assert_eq!(to.shape().unwrap(), from.shape().unwrap(), "{name}");
+        }
+        let episode = subset.group(&format!("episode_{to}")).unwrap();
+        assert_eq!(
+            episode.group("infos").unwrap().datasets().unwrap().len(),
+            5,
+            "nothing is left out but what is nothing"
+        );
+        let of_table = episode.dataset("infos/half").unwrap().attrs().unwrap();
+        assert_eq!(of_table["unit"].as_str(), Some("m"));
+        let attributes = episode.attrs().unwrap();
+        assert_eq!(attributes["id"], hdf5_pure::AttrValue::I64(to));
+        assert_eq!(attributes["seed"].as_i64(), Some(7 + from));
+        assert_eq!(attributes["success"].as_i64(), Some(i64::from(from == 2)));
+    }
+    assert_eq!(
+        changed.iter().map(|words| words.split(',').next().unwrap()).collect::<Vec<_>>(),
+        [
+            "'infos/nothing' holds no value and is left out",
+            "the attribute 'half' is of a kind that cannot be copied and is left out",
+            "the attribute 'success' is written as its number",
+        ]
+    );
+    assert!(changed.iter().all(|words| words.ends_with(", in 2 episodes")), "{changed:?}");
+}
+
 #[test]
 fn what_points_into_its_own_file_is_not_copied_to_another() {
     use hdf5_pure::{CompoundTypeBuilder, FileBuilder};
