@@ -10,6 +10,7 @@ use demosift::data::demonstration::episode::Format;
 use demosift::data::demonstration::{DemoId, DemonstrationSet, lerobot, minari, robomimic};
 use demosift::results::artifact::Artifact as _;
 use demosift::results::uncertainty::Uncertainty;
+use demosift::stages::imitate::LearningCurve;
 use demosift::stages::referee::Verdict;
 use demosift::stages::select::{Ranking, Subset};
 use demosift::stages::subset_selection::Weighing;
@@ -18,6 +19,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::convert::{self, Asked};
+use super::imitate::NAMED;
 use crate::answers::{self, Exported};
 use crate::arguments::{ExportArguments, Form, SetArguments};
 use crate::console::quoting::{quoted, quoted_path};
@@ -191,14 +193,13 @@ fn in_words(kept: &Kept) -> String {
 
 /// Says of policies from demonstrations that were named that these are not what is passed on.
 fn others_imitated(kept: &Kept) -> Result<Option<String>> {
-    let run = kept.folder.path();
-    let names = policies::names(run)?;
-    let others = names.iter().filter_map(|name| {
-        let ids = name.strip_prefix("policy_demonstrations_")?.replace('_', ",");
-        let is_other = ids != kept.ids.iter().map(ToString::to_string).collect::<Vec<_>>().join(",");
-        is_other.then_some(ids)
-    });
-    let others: Vec<String> = others.collect();
+    let mut others = Vec::new();
+    for name in policies::names(kept.folder.path())? {
+        let part = name.strip_prefix("policy_").filter(|part| part.starts_with(NAMED));
+        let curve = part.map(|part| LearningCurve::recall(&kept.folder, part)).transpose()?.flatten();
+        let demos = curve.map(|curve| curve.demos).filter(|demos| *demos != kept.ids);
+        others.extend(demos.map(|demos| demos.iter().map(ToString::to_string).collect::<Vec<_>>().join(",")));
+    }
     Ok(others.first().map(|first| {
         format!(
             "policies were also trained on demonstrations that you named ({}); --demonstration-ids {first} hands these on",
