@@ -17,11 +17,7 @@ pub(super) fn run(arguments: &ExportArguments) -> Result<()> {
     let out = folder(arguments)?;
     let (identity, _) = run_folder::of_finished(&arguments.run)?;
     let chosen = task::of_run(&identity.task, identity.environment())?;
-    if chosen.sha256 != identity.task_sha256 {
-        let message =
-            "the files of the task have changed since the run, so its actions may mean something else";
-        return Err(Error::bad_input(message).at(&arguments.run));
-    }
+    identity.check_unchanged(&chosen).map_err(|error| error.at(&arguments.run))?;
     let specification = chosen.task.specification();
     let names = names(&arguments.run)?;
     if names.is_empty() {
