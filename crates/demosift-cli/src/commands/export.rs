@@ -160,12 +160,8 @@ struct Choice {
 /// What to train on is the referee's to say, where it was asked.
 fn choice_of_run(run: &Path, identity: &Identity, folder: &RunFolder) -> Result<Choice> {
     let subset = Subset::recall(folder, "")?.ok_or_else(|| {
-        let hint = match run_folder::first_within(run) {
-            Some(goal) => {
-                format!("it has several goals; give the folder of one of them, such as {}", goal.display())
-            }
-            None => "demosift select --resume --out RUN ranks them and keeps the best".to_owned(),
-        };
+        let hint = in_folder_of_goal(run)
+            .unwrap_or_else(|| "demosift select --resume --out RUN ranks them and keeps the best".to_owned());
         Error::bad_input("this run has kept no demonstrations yet").at(run).with_hint(hint)
     })?;
     let verdict = Verdict::recall(folder, "")?;
@@ -182,6 +178,12 @@ fn choice_of_run(run: &Path, identity: &Identity, folder: &RunFolder) -> Result<
             Choice { ids: subset.demos, by: format!("as the ranking keeps them (keep = {keep})") }
         }
     })
+}
+
+/// Where results of a run of several goals lie, if this is one.
+fn in_folder_of_goal(run: &Path) -> Option<String> {
+    let goal = run_folder::first_within(run)?;
+    Some(format!("it has several goals; give the folder of one of them, such as {}", goal.display()))
 }
 
 /// What is passed on, for users who may expect something else.
@@ -345,8 +347,13 @@ fn value(answer: &impl Serialize) -> Value {
 }
 
 fn rows(kept: &Kept) -> Result<Vec<Exported>> {
-    let ranking = Ranking::recall(&kept.folder, "")?
-        .ok_or_else(|| Error::bad_input("this run has no ranking").at(kept.folder.path()))?;
+    let ranking = Ranking::recall(&kept.folder, "")?.ok_or_else(|| {
+        let without = Error::bad_input("this run has no ranking").at(kept.folder.path());
+        match in_folder_of_goal(kept.folder.path()) {
+            Some(hint) => without.with_hint(hint),
+            None => without,
+        }
+    })?;
     let ranked: Vec<DemoId> = ranking.entries.iter().map(|ranked| ranked.demo).collect();
     check_known(&ranked, &kept.demonstrations.set, kept.folder.path())?;
     let uncertainty = Uncertainty::recall(&kept.folder, "")?;
