@@ -5,7 +5,9 @@ use std::fs;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
-use crate::support::{Scratch, assert_same_files, rewritten};
+use crate::support::{Scratch, assert_same_files, rewritten, write_set};
+use demosift::basics::seed::Seed;
+use demosift::world::point_mass;
 use serde_json::Value;
 
 /// Without a race, which would give further repeats to those near the cut.
@@ -334,6 +336,31 @@ fn a_finished_run_is_read_where_nothing_may_be_written() {
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(said.contains("cannot") && said.contains("--dry-run"), "{said}");
     assert_same_files(&before, &scratch.files("run"));
+}
+
+/// Their numbers are too long for the name of a file.
+#[test]
+fn many_demonstrations_that_are_named_are_imitated_and_known_again() {
+    let scratch = Scratch::new("many-named");
+    let angles: Vec<f32> = (0..72).map(|demonstration| 5.0 * demonstration as f32).collect();
+    let set = point_mass::planted_set(&angles, Seed::new(3)).unwrap();
+    write_set(&scratch.0.join("many.hdf5"), &set);
+    let numbers = (0..70).map(|id| id.to_string()).collect::<Vec<_>>().join(",");
+    let imitate = format!("--demonstration-ids {numbers} --out run");
+    scratch.succeed(&format!("imitate many.hdf5 --task point_mass --config tiny.toml {imitate}"));
+    let whole = scratch.files("run");
+    let name = whole.keys().find(|name| name.starts_with("learning_curve_demonstrations_70_of_")).unwrap();
+    assert_eq!(json(&whole, name)["demos"].as_array().unwrap().len(), 70);
+    scratch.succeed(&format!("imitate {imitate} --resume"));
+    assert_same_files(&whole, &scratch.files("run"));
+    let export = |ids: &str, out: &str| {
+        let output = scratch.run(&format!("export run --as minari --out {out} --demonstration-ids {ids}"));
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let said = export("0,1", "two");
+    assert!(said.contains(&format!("--demonstration-ids {numbers} hands these on")), "{said}");
+    assert!(!export(&numbers, "same").contains("were also trained"));
 }
 
 #[test]

@@ -261,6 +261,55 @@ fn states_survive_a_conversion() {
     assert_eq!(read(&scratch, "lerobot").set().unwrap(), d4rl::read(&old).unwrap());
 }
 
+/// Minari wants an observation after the last action, so a set without one loses that action.
+#[test]
+fn steps_are_those_that_were_written() {
+    let scratch = Scratch::new("steps");
+    scratch.succeed("convert set --to lerobot --fps 10 lerobot");
+    let written = |arguments: &str| {
+        let answer: Value =
+            serde_json::from_str(&scratch.succeed(&format!("convert {arguments} --json"))).unwrap();
+        answer["steps"].as_u64().unwrap()
+    };
+    let all = written("set --to lerobot --fps 10 again");
+    for (set, out) in [("set", "of_set"), ("lerobot", "of_lerobot")] {
+        let steps = written(&format!("{set} --to minari {out}"));
+        let metadata: Value =
+            serde_json::from_slice(&scratch.files(&format!("{out}/data"))["metadata.json"]).unwrap();
+        assert_eq!((steps, &metadata["total_steps"]), (all - 4, &Value::from(steps)));
+    }
+    assert_eq!(
+        written("of_set --to minari once_more"),
+        all - 4,
+        "with an observation at its end it keeps all"
+    );
+    let said = scratch.succeed("convert set --to minari in_words");
+    assert!(said.contains(&format!("4 episodes of {} steps in all", all - 4)), "{said}");
+}
+
+#[test]
+fn sentences_that_are_not_known_are_told() {
+    let scratch = Scratch::new("sentences");
+    scratch.succeed("convert set --to lerobot --fps 10 lerobot");
+    let list = scratch.0.join("lerobot/meta/episodes/chunk-000/file-000.parquet");
+    fs::copy(in_repository("crates/demosift/tests/formats/lerobot_sentences.parquet"), &list).unwrap();
+    let note = |out: &str| {
+        let output = scratch.run(&format!("convert lerobot --to lerobot {out}"));
+        assert!(output.status.success());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let said = note("again");
+    assert!(
+        said.contains("note: 2 episodes without a sentence") && said.contains("such as episode 2"),
+        "{said}"
+    );
+    let tasks = fs::read(scratch.0.join("again/meta/tasks.parquet")).unwrap();
+    assert!(tasks.windows(5).any(|bytes| bytes == b"grasp"), "the first of two sentences");
+    fs::write(&list, "no parquet").unwrap();
+    let said = note("without");
+    assert!(said.contains("note: sentences of the episodes are not passed on, as meta/episodes/"), "{said}");
+}
+
 #[test]
 fn a_recording_is_no_run_to_hand_on() {
     let scratch = Scratch::new("recording");

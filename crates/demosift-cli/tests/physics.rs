@@ -221,6 +221,13 @@ fn a_set_of_several_goals_is_sifted_for_each_of_them() {
     assert!(
         String::from_utf8(whole.stderr).unwrap().contains("several goals; give the folder of one of them")
     );
+    scratch.refuse(
+        "export run --as onnx --out models",
+        &["several goals; give the folder of one of them", "run/"],
+    );
+    scratch.succeed("export run/over --as onnx --out models");
+    let page = String::from_utf8(scratch.files("run")["report.html"].clone()).unwrap();
+    assert!(page.contains("{\"name\":\"over\",\"page\":\"./over/report.html\"}"), "a link to each goal");
     // A goal is a run like any other, and the whole goes on as it was.
     assert!(scratch.succeed("export run/over --as csv").contains("task penalty_save, variant over, seed"));
     scratch.succeed("report run/over");

@@ -91,6 +91,35 @@ fn frames_sheet_and_clip_appear_together_or_not_at_all() {
     assert_eq!(clip.last(), Some(&b';'), "the clip is whole");
 }
 
+/// As an export of policies is refused then, too.
+#[test]
+fn a_policy_is_not_played_in_a_changed_task_without_a_word() {
+    let scratch = crate::task_check::with_task("play-changed", "block", "block");
+    let record = "--count 2 --set demonstrator.updates=2 --set demonstrator.snapshot_every=1 --set demonstrator.batch_steps=300";
+    scratch.succeed(&format!("record --task block {record} --out run"));
+    let play = "play --policy run/policy_demonstrator.safetensors --episodes 1";
+    scratch.succeed(play);
+    let model = scratch.0.join("block/block.xml");
+    let text = std::fs::read_to_string(&model).unwrap();
+    std::fs::write(&model, text.replace("damping='1'", "damping='5'")).unwrap();
+    let changed = "the files of the task have changed since the run";
+    scratch.refuse("export run --as onnx --out models", &[changed]);
+    scratch.refuse(play, &[changed, "hint: --task ", "block plays it in the task as it is now"]);
+    // Who says so knows which task it is, and is told all the same; another task is another matter.
+    let output = scratch.run(&format!("{play} --task block"));
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && said.contains(&format!("note: {changed}")), "{said}");
+    let other = scratch.0.join("other");
+    std::fs::create_dir_all(&other).unwrap();
+    for name in ["block.xml", "task.toml"] {
+        std::fs::copy(scratch.0.join("block").join(name), other.join(name)).unwrap();
+    }
+    let output = scratch.run(&format!("{play} --task other"));
+    assert!(output.status.success() && output.stderr.is_empty(), "{output:?}");
+    std::fs::write(&model, text).unwrap();
+    scratch.succeed(play);
+}
+
 /// Where nothing is said of a folder, pictures stand beside the run whose policy plays; looked at by what stands in the way there.
 #[test]
 fn pictures_of_a_policy_go_beside_its_run() {

@@ -100,6 +100,50 @@ fn a_file_that_is_deleted_is_made_again() {
 }
 
 #[test]
+fn a_file_of_a_recording_that_is_deleted_is_made_again_and_a_changed_set_is_told() {
+    let scratch = Scratch::new("deleted-recording");
+    scratch.succeed(&format!("{} --unseen 2 --out recorded", crate::support::RECORD));
+    let whole = scratch.files("recorded");
+    let file = |name: &str| scratch.0.join("recorded").join(name);
+    let resume = "record --out recorded --resume";
+    for name in [
+        "demonstrations.hdf5",
+        "unseen.hdf5",
+        "provenance.json",
+        "unseen_provenance.json",
+        "policy_demonstrator.safetensors",
+        "policy_demonstrator.onnx",
+        "stages.bin",
+    ] {
+        fs::remove_file(file(name)).unwrap();
+        scratch.succeed(resume);
+        assert_same_files(&whole, &scratch.files("recorded"));
+    }
+    for name in ["demonstrations.hdf5", "unseen.hdf5"] {
+        let mut changed = whole[name].clone();
+        let middle = changed.len() / 2;
+        changed[middle] ^= 1;
+        fs::write(file(name), &changed).unwrap();
+        complaint(&scratch.run(resume), &["not as it was recorded", name, "hint: delete it"]);
+        assert!(fs::read(file(name)).unwrap() == changed, "what may be meant stays");
+        fs::write(file(name), &whole[name]).unwrap();
+    }
+    // Recordings of before do not say what their set was.
+    crate::support::rewritten(&file("provenance.json"), |provenance| {
+        provenance.as_object_mut().unwrap().remove("set_sha256").unwrap();
+    });
+    let older = scratch.files("recorded");
+    scratch.succeed(resume);
+    assert_same_files(&older, &scratch.files("recorded"));
+    fs::remove_file(file("demonstrations.hdf5")).unwrap();
+    let foreseen = scratch.succeed(&format!("{resume} --dry-run --json"));
+    let foreseen: serde_json::Value = serde_json::from_str(&foreseen).unwrap();
+    assert!(!foreseen["stages"].as_array().unwrap().is_empty(), "{foreseen}");
+    scratch.succeed(resume);
+    assert_same_files(&whole, &scratch.files("recorded"));
+}
+
+#[test]
 fn a_checkpoint_that_was_changed_is_told_and_can_be_deleted() {
     let scratch = Scratch::new("checkpoint");
     let job = format!("judge set {TASK} --set meta_train.rounds=40");

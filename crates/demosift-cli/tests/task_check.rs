@@ -15,7 +15,7 @@ const TASK: &str = "name = 'block'\nmodel = 'block.xml'\nframe_skip = 10\nhorizo
     heuristic = { fold = 'last', of = 'x', unit = 'm' }\n";
 
 /// The folder `block` after a replacement in the task file.
-fn with_task(name: &str, old: &str, new: &str) -> Scratch {
+pub(crate) fn with_task(name: &str, old: &str, new: &str) -> Scratch {
     let scratch = Scratch::new(name);
     assert!(TASK.contains(old));
     std::fs::create_dir_all(scratch.0.join("block")).unwrap();

@@ -296,6 +296,45 @@ fn a_trainer_that_is_changed_while_it_is_used_is_told() {
     assert_eq!(found["trainer"]["name"], "mine.py:train");
 }
 
+/// A measurement is known by its name, and what another trainer did is another one.
+#[test]
+fn what_a_changed_trainer_does_is_measured_beside_what_it_did_before() {
+    let Some(python) = crate::python::interpreter() else { return };
+    let scratch = Scratch::new("trainer-measured");
+    let file = scratch.0.join("mine.py");
+    let write = |action: &str| {
+        let text = format!("def train(demonstrations, seed):\n    return lambda observation: {action}\n");
+        std::fs::write(&file, text).unwrap();
+    };
+    let measured = || -> Vec<Value> {
+        let text = String::from_utf8(scratch.files("run")["metrics.jsonl"].clone()).unwrap();
+        let rows = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+        let is_by_trainer = |row: &Value| row["part"].as_str().unwrap().contains("_trainer_");
+        rows.filter(|row| row["stage"] == "referee" && is_by_trainer(row)).collect()
+    };
+    let scores = || -> Vec<f64> {
+        let found = verdict(&scratch, "run");
+        let pairs = pairs(&found, "trainer");
+        pairs.iter().flat_map(|pair| (0..3).map(|training| outcome(pair, training))).collect()
+    };
+    write("[1.0, 0.0]");
+    let trainer = format!("--trainer mine.py:train --python {}", python.display());
+    scratch.succeed(&format!("sift {HOW} {trainer} --referee cloning=3,trainer=3 --out run"));
+    let (before, first) = (measured(), scores());
+    write("[0.0, -1.0]");
+    scratch.succeed("sift --resume --out run");
+    let (after, second) = (measured(), scores());
+    assert!(first.iter().all(|score| !second.contains(score)), "{first:?} {second:?}");
+    assert!(after.len() == 2 * before.len() && after[..before.len()] == before[..], "{before:?} {after:?}");
+    for (rows, scores) in [(&before[..], &first), (&after[before.len()..], &second)] {
+        let is_measured = |score: &f64| rows.iter().any(|row| row["score"].as_f64() == Some(*score));
+        assert!(scores.iter().all(is_measured), "{scores:?} {rows:?}");
+    }
+    // The same trainer is asked for nothing, and measured no more.
+    scratch.succeed("sift --resume --out run");
+    assert_eq!(measured(), after);
+}
+
 #[test]
 fn no_trainer_outlives_the_command() {
     let Some(trainer) = trainer("hangs") else { return };

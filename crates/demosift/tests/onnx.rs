@@ -60,6 +60,13 @@ fn onnxruntime_plays_what_we_play() {
         ("penalty_save", task(91, vec![[-1.0, 1.0]; 8]), vec![64, 64], 0.15),
         ("three_layers", task(4, vec![[-150.0, 150.0]; 2]), vec![7, 9, 5], 0.7),
         ("linear", task(3, vec![[0.0, 1.0]]), vec![], 0.3),
+        // Half the range and its middle, rounded to 32 bits, lead beyond most of these.
+        (
+            "decimals",
+            task(4, (1..=40).map(|n| [-0.1 * f64::from(n), 0.07 * f64::from(n)]).collect()),
+            vec![5],
+            0.7,
+        ),
     ];
     for (name, task, hidden, spread) in cases {
         let policy = policy(&task, &hidden, spread, Seed::new(1).of(name));
@@ -82,6 +89,8 @@ fn onnxruntime_plays_what_we_play() {
                 let control = low + (high - low) * 0.5 * (f64::from(action) + 1.0);
                 let error = (control - f64::from(controls[column])).abs() / (high - low);
                 assert!(error <= 1e-5, "{name}, row {row}: control {control}, found {}", controls[column]);
+                let is_within = (low..=high).contains(&f64::from(controls[column]));
+                assert!(is_within, "{name}, row {row}: {} is outside [{low}, {high}]", controls[column]);
             }
         }
         eprintln!("{name}: largest difference {worst:e}; {clipped} of {} actions clipped", actions.len());

@@ -38,3 +38,10 @@ pub(crate) struct SimulatorArguments {
     #[arg(long)]
     pub(crate) trust_set: bool,
 }
+
+impl SimulatorArguments {
+    /// Whether they name files in the place of those of an earlier run.
+    pub(crate) fn names_files(&self) -> bool {
+        [&self.env, &self.heuristic, &self.measure].iter().any(|named| named.is_some())
+    }
+}

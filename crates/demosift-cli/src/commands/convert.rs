@@ -22,7 +22,7 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
     // One is not enough to choose from, and enough to convert.
     source.check().map_err(|error| error.at(&path))?;
     let out = &arguments.out;
-    match arguments.to {
+    let steps = match arguments.to {
         Target::Lerobot => {
             let asked = Asked { fps: arguments.fps, task: arguments.task.as_deref(), out };
             let described = described(&source, &path, &said, &asked)?;
@@ -32,21 +32,22 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
                 lerobot::write(out, &source.episodes, states.as_deref(), &described)?;
                 demonstrations::hand_on(&said, out)
             })?;
+            source.episodes.iter().map(|episode| episode.actions.len()).sum()
         }
         Target::Minari => {
             let bounds = demonstrations::action_bounds(&source, &said);
             undisturbed(|| {
-                minari::write(out, &source.episodes, &minari_id(out), bounds.as_deref())?;
-                demonstrations::hand_on(&said, out)
-            })?;
+                let steps = minari::write(out, &source.episodes, &minari_id(out), bounds.as_deref())?;
+                demonstrations::hand_on(&said, out)?;
+                Ok(steps)
+            })?
         }
-    }
-    let total: usize = source.episodes.iter().map(|episode| episode.actions.len()).sum();
+    };
     if arguments.json {
-        terminal::show_json(&answers::Convert { episodes: source.episodes.len(), steps: total, out });
+        terminal::show_json(&answers::Convert { episodes: source.episodes.len(), steps, out });
         return Ok(());
     }
-    let (count, total) = (counted(source.episodes.len(), "episode"), counted(total, "step"));
+    let (count, total) = (counted(source.episodes.len(), "episode"), counted(steps, "step"));
     terminal::show(&format!("{count} of {total} in all: {}\n", out.display()));
     Ok(())
 }
@@ -66,6 +67,7 @@ pub(super) fn described(source: &Source, path: &Path, said: &Said, asked: &Asked
         Format::LeRobotV3 | Format::LeRobotV2 => lerobot::description(path, source)?,
         _ => Described::default(),
     };
+    described.untold.iter().for_each(|words| terminal::note(words));
     if asked.fps.is_some_and(|fps| fps != described.steps_per_sec) && !described.videos.cameras.is_empty() {
         let left = format!(
             "the videos are not passed on: they are of {} pictures in a second",

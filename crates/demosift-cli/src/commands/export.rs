@@ -10,6 +10,7 @@ use demosift::data::demonstration::episode::Format;
 use demosift::data::demonstration::{DemoId, DemonstrationSet, lerobot, minari, robomimic};
 use demosift::results::artifact::Artifact as _;
 use demosift::results::uncertainty::Uncertainty;
+use demosift::stages::imitate::LearningCurve;
 use demosift::stages::referee::Verdict;
 use demosift::stages::select::{Ranking, Subset};
 use demosift::stages::subset_selection::Weighing;
@@ -18,6 +19,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::convert::{self, Asked};
+use super::imitate::NAMED;
 use crate::answers::{self, Exported};
 use crate::arguments::{ExportArguments, Form, SetArguments};
 use crate::console::quoting::{quoted, quoted_path};
@@ -107,13 +109,18 @@ fn write_minari(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
     let Demonstrations { source, path, said, .. } = &kept.demonstrations;
     let episodes = at(&places(kept), &source.episodes);
     let bounds = demonstrations::action_bounds(source, said);
-    undisturbed(|| {
-        match source.format {
-            Format::MinariHdf5 => minari::write_subset(&out, path, &labels(kept), &name),
-            _ => minari::write(&out, &episodes, &name, bounds.as_deref()),
-        }?;
-        demonstrations::hand_on(said, &out)
+    let changed = undisturbed(|| {
+        let changed = match source.format {
+            Format::MinariHdf5 => minari::write_subset(&out, path, &labels(kept), &name)?,
+            _ => {
+                minari::write(&out, &episodes, &name, bounds.as_deref())?;
+                Vec::new()
+            }
+        };
+        demonstrations::hand_on(said, &out)?;
+        Ok(changed)
     })?;
+    changed.iter().for_each(|words| terminal::note(words));
     written(kept, &out)
 }
 
@@ -153,12 +160,8 @@ struct Choice {
 /// What to train on is the referee's to say, where it was asked.
 fn choice_of_run(run: &Path, identity: &Identity, folder: &RunFolder) -> Result<Choice> {
     let subset = Subset::recall(folder, "")?.ok_or_else(|| {
-        let hint = match run_folder::first_within(run) {
-            Some(goal) => {
-                format!("it has several goals; give the folder of one of them, such as {}", goal.display())
-            }
-            None => "demosift select --resume --out RUN ranks them and keeps the best".to_owned(),
-        };
+        let hint = in_folder_of_goal(run)
+            .unwrap_or_else(|| "demosift select --resume --out RUN ranks them and keeps the best".to_owned());
         Error::bad_input("this run has kept no demonstrations yet").at(run).with_hint(hint)
     })?;
     let verdict = Verdict::recall(folder, "")?;
@@ -177,6 +180,12 @@ fn choice_of_run(run: &Path, identity: &Identity, folder: &RunFolder) -> Result<
     })
 }
 
+/// Where results of a run of several goals lie, if this is one.
+fn in_folder_of_goal(run: &Path) -> Option<String> {
+    let goal = run_folder::first_within(run)?;
+    Some(format!("it has several goals; give the folder of one of them, such as {}", goal.display()))
+}
+
 /// What is passed on, for users who may expect something else.
 fn in_words(kept: &Kept) -> String {
     let (count, of) = (kept.ids.len(), kept.demonstrations.set.len());
@@ -186,14 +195,13 @@ fn in_words(kept: &Kept) -> String {
 
 /// Says of policies from demonstrations that were named that these are not what is passed on.
 fn others_imitated(kept: &Kept) -> Result<Option<String>> {
-    let run = kept.folder.path();
-    let names = policies::names(run)?;
-    let others = names.iter().filter_map(|name| {
-        let ids = name.strip_prefix("policy_demonstrations_")?.replace('_', ",");
-        let is_other = ids != kept.ids.iter().map(ToString::to_string).collect::<Vec<_>>().join(",");
-        is_other.then_some(ids)
-    });
-    let others: Vec<String> = others.collect();
+    let mut others = Vec::new();
+    for name in policies::names(kept.folder.path())? {
+        let part = name.strip_prefix("policy_").filter(|part| part.starts_with(NAMED));
+        let curve = part.map(|part| LearningCurve::recall(&kept.folder, part)).transpose()?.flatten();
+        let demos = curve.map(|curve| curve.demos).filter(|demos| *demos != kept.ids);
+        others.extend(demos.map(|demos| demos.iter().map(ToString::to_string).collect::<Vec<_>>().join(",")));
+    }
     Ok(others.first().map(|first| {
         format!(
             "policies were also trained on demonstrations that you named ({}); --demonstration-ids {first} hands these on",
@@ -339,8 +347,13 @@ fn value(answer: &impl Serialize) -> Value {
 }
 
 fn rows(kept: &Kept) -> Result<Vec<Exported>> {
-    let ranking = Ranking::recall(&kept.folder, "")?
-        .ok_or_else(|| Error::bad_input("this run has no ranking").at(kept.folder.path()))?;
+    let ranking = Ranking::recall(&kept.folder, "")?.ok_or_else(|| {
+        let without = Error::bad_input("this run has no ranking").at(kept.folder.path());
+        match in_folder_of_goal(kept.folder.path()) {
+            Some(hint) => without.with_hint(hint),
+            None => without,
+        }
+    })?;
     let ranked: Vec<DemoId> = ranking.entries.iter().map(|ranked| ranked.demo).collect();
     check_known(&ranked, &kept.demonstrations.set, kept.folder.path())?;
     let uncertainty = Uncertainty::recall(&kept.folder, "")?;

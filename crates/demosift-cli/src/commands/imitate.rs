@@ -1,5 +1,6 @@
 //! `demosift imitate`: Subset → LearningCurve.
 
+use demosift::basics::files;
 use demosift::data::demonstration::{DemoId, DemonstrationSet};
 use demosift::results::gain;
 use demosift::run::experiment;
@@ -12,6 +13,9 @@ use crate::answers::{self, OfRun};
 use crate::arguments::ImitateArguments;
 use crate::job::{Job, Prior};
 use crate::{console::terminal, tables};
+
+/// How the names of policies begin that are from named demonstrations.
+pub(super) const NAMED: &str = "demonstrations";
 
 pub(crate) fn run(arguments: &ImitateArguments) -> Result<()> {
     let ids = &arguments.demonstration_ids;
@@ -65,9 +69,18 @@ fn imitate_named(job: &mut Job, demos: &[DemoId], json: bool) -> Result<()> {
     Ok(())
 }
 
-/// Under which name the policy from these is kept.
+/// A longer name is no name of a file any more, with what stands around it: 255 bytes are the most that a disk takes.
+const LONGEST_PART: usize = 200;
+
+/// Under which name the policy from these is kept: by their numbers, or of many by how many and a hash of their numbers.
 fn part(demos: &[DemoId]) -> String {
-    demos.iter().fold("demonstrations".to_owned(), |name, demo| format!("{name}_{demo}"))
+    let numbers: Vec<String> = demos.iter().map(ToString::to_string).collect();
+    let named = format!("{NAMED}_{}", numbers.join("_"));
+    if named.len() <= LONGEST_PART {
+        return named;
+    }
+    let hash = files::sha256_of(numbers.join(",").as_bytes());
+    format!("{NAMED}_{}_of_{}", demos.len(), &hash[..8])
 }
 
 pub(super) fn check(ids: &[usize], set: &DemonstrationSet) -> Result<()> {
@@ -86,4 +99,21 @@ pub(super) fn named(ids: &[usize]) -> Vec<DemoId> {
     demos.sort_unstable();
     demos.dedup();
     demos
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_are_kept_under_a_name_that_a_file_may_have() {
+        let of = |count: usize| part(&(0..count).map(DemoId).collect::<Vec<_>>());
+        assert_eq!(of(3), "demonstrations_0_1_2");
+        assert!(of(60).ends_with("_58_59"), "{}", of(60));
+        let (many, more) = (of(70), of(71));
+        assert!(many.starts_with("demonstrations_70_of_") && many.len() == 29, "{many}");
+        assert!(more.starts_with("demonstrations_71_of_") && more[21..] != many[21..], "{more}");
+        let others = part(&(1..71).map(DemoId).collect::<Vec<_>>());
+        assert_ne!(others, many);
+    }
 }

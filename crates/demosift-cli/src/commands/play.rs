@@ -86,18 +86,35 @@ pub(crate) fn run(arguments: &PlayArguments) -> Result<()> {
 
 /// The task that is named, or that of the run which the policy lies in the folder of.
 fn choose(arguments: &PlayArguments) -> Result<Chosen> {
-    let run = arguments
-        .policy
-        .as_deref()
-        .and_then(Path::parent)
-        .and_then(|folder| run_folder::of_finished(folder).ok());
-    let run = run.map(|(identity, _)| identity).filter(|_| arguments.task.is_none());
-    let environment = run.as_ref().and_then(Identity::environment);
+    let of_run = |policy| Some((policy, run_folder::of_finished(Path::parent(policy)?).ok()?.0));
+    let Some((policy, identity)) = arguments.policy.as_deref().and_then(of_run) else {
+        return choose_by(arguments, None);
+    };
+    let chosen = choose_by(arguments, Some(&identity).filter(|_| arguments.task.is_none()))?;
+    let is_named = arguments.task.is_some() || arguments.simulator.names_files();
+    match identity.check_unchanged(&chosen).map_err(|error| error.at(policy)) {
+        Err(error) if !is_named => {
+            let option = if identity.simulator.is_some() { "--env" } else { "--task" };
+            let hint = format!("{option} {} plays it in the task as it is now", identity.task);
+            Err(error.with_hint(hint))
+        }
+        // Who names another task wants another one.
+        Err(error) if arguments.task.is_some() && identity.task == chosen.name => {
+            terminal::note(&error.to_string());
+            Ok(chosen)
+        }
+        _ => Ok(chosen),
+    }
+}
+
+/// The task that is named, or that of the run where none is.
+fn choose_by(arguments: &PlayArguments, run: Option<&Identity>) -> Result<Chosen> {
+    let environment = run.and_then(Identity::environment);
     let set = simulator::naming(arguments.data.as_deref(), None, None);
     if let Some(simulated) = simulator::open(&arguments.simulator, set, environment, false)? {
         return task::in_python(simulated);
     }
-    let name = arguments.task.as_ref().or(run.as_ref().map(|identity| &identity.task));
+    let name = arguments.task.as_ref().or(run.map(|identity| &identity.task));
     task::choose(name.ok_or_else(task::missing)?)
 }
 

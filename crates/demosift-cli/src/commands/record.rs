@@ -4,6 +4,7 @@ mod source;
 
 use std::path::Path;
 
+use demosift::basics::files;
 use demosift::basics::ledger::Ledger as _;
 use demosift::basics::seal;
 use demosift::basics::seed::Seed;
@@ -21,6 +22,7 @@ use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
 use self::source::{Guest, Source};
+use super::play::read_policy;
 use super::{dry_run, kept_in};
 use crate::answers;
 use crate::arguments::{RecordArguments, RunArguments};
@@ -39,6 +41,9 @@ const PROVENANCE_FILE: &str = "provenance.json";
 /// A second set, and where it came from.
 const UNSEEN_SET_FILE: &str = "unseen.hdf5";
 const UNSEEN_PROVENANCE_FILE: &str = "unseen_provenance.json";
+/// The part of the trained policy, and its file.
+const DEMONSTRATOR: &str = "demonstrator";
+const POLICY: &str = "policy_demonstrator.safetensors";
 
 /// Episodes from which a finished demonstrator is known.
 const FINAL_EPISODES: usize = 100;
@@ -69,6 +74,9 @@ pub(crate) struct Provenance {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     guests: Vec<Demonstrator>,
     demonstrations: Vec<Origin>,
+    /// Hash of the file of the set; recordings of before it was kept do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    set_sha256: Option<String>,
 }
 
 /// A finished demonstrator.
@@ -108,11 +116,15 @@ pub(crate) fn run(arguments: &RecordArguments) -> Result<()> {
     if arguments.run.dry_run {
         return foresee(&plan, &recording, &folder, &arguments.run);
     }
-    let (provenance, unseen) =
-        match (recall(&folder, PROVENANCE_FILE)?, recall(&folder, UNSEEN_PROVENANCE_FILE)?) {
-            (Some(provenance), unseen) => (provenance, unseen),
-            (None, _) => make(&plan, &recording, &mut folder)?,
-        };
+    let Made { provenance, unseen } = match recall(&recording, &folder)? {
+        Some(made) => {
+            let policy = read_policy(&folder.path().join(POLICY), plan.chosen.task.specification())?;
+            // It is made of the other, and may be gone, or of before there were such files.
+            onnx::store_policy(&mut folder, DEMONSTRATOR, &policy, plan.chosen.task.specification())?;
+            made
+        }
+        None => make(&plan, &recording, &mut folder)?,
+    };
     if arguments.run.json {
         let unseen = unseen.as_ref().map(|unseen| &unseen.demonstrations);
         terminal::show_json(&answers::Record { provenance: &provenance, unseen, run_folder: folder.path() });
@@ -239,7 +251,7 @@ fn foresee(
         assessed: FINAL_EPISODES,
     };
     let playground = plan.chosen.playground()?;
-    let foreseen = match recall(folder, PROVENANCE_FILE)? {
+    let foreseen = match recall(recording, folder)? {
         Some(_) => Forecast::nothing(),
         None => forecast::forecast_recording(&playground, &asked, folder, &mut dry_run::clock())?,
     };
@@ -247,20 +259,55 @@ fn foresee(
     Ok(())
 }
 
-/// A set's provenance, if the set is whole.
-fn recall(folder: &RunFolder, name: &str) -> Result<Option<Provenance>> {
-    let Some(bytes) = folder.recall(name)? else { return Ok(None) };
-    serde_json::from_slice(&seal::of_json(&bytes, name)?)
-        .map(Some)
-        .map_err(|error| Error::bad_input(format!("{name} cannot be read: {error}")))
+/// Where the sets of a recording came from.
+struct Made {
+    provenance: Provenance,
+    unseen: Option<Provenance>,
+}
+
+/// A finished recording: all its files are there, and its sets are those that it wrote.
+fn recall(recording: &Recording, folder: &RunFolder) -> Result<Option<Made>> {
+    let trained = recording.demonstrator.is_some().then_some(artifact::STAGES);
+    if ![POLICY].into_iter().chain(trained).all(|name| folder.path().join(name).exists()) {
+        return Ok(None);
+    }
+    let unseen = match recording.unseen {
+        0 => None,
+        _ => match recall_set(folder, UNSEEN_SET_FILE, UNSEEN_PROVENANCE_FILE)? {
+            None => return Ok(None),
+            unseen => unseen,
+        },
+    };
+    let provenance = recall_set(folder, RECORDED, PROVENANCE_FILE)?;
+    Ok(provenance.map(|provenance| Made { provenance, unseen }))
+}
+
+/// Where a set came from, if both files are there.
+///
+/// # Errors
+/// `is_bad_input` if one of them is not as it was written.
+fn recall_set(folder: &RunFolder, set: &str, name: &str) -> Result<Option<Provenance>> {
+    let path = folder.path().join(set);
+    let (Some(bytes), true) = (folder.recall(name)?, path.exists()) else { return Ok(None) };
+    let provenance: Provenance = serde_json::from_slice(&seal::of_json(&bytes, name)?)
+        .map_err(|error| Error::bad_input(format!("{name} cannot be read: {error}")))?;
+    if let Some(written) = &provenance.set_sha256 {
+        let found = files::sha256(std::slice::from_ref(&path))?;
+        if found != *written {
+            return Err(Error::bad_input(format!(
+                "the set is not as it was recorded: its SHA-256 was {written}, and is {found} now"
+            ))
+            .at(&path)
+            .with_hint(
+                "delete it, and --resume records it again; or copy it elsewhere, if the change was meant",
+            ));
+        }
+    }
+    Ok(Some(provenance))
 }
 
 /// Trains, records and writes everything; the provenance of the set comes last, since it says that the recording is whole.
-fn make(
-    plan: &Request,
-    recording: &Recording,
-    folder: &mut RunFolder,
-) -> Result<(Provenance, Option<Provenance>)> {
+fn make(plan: &Request, recording: &Recording, folder: &mut RunFolder) -> Result<Made> {
     folder.claim()?;
     let playground = plan.chosen.playground()?;
     let seed = Seed::new(recording.seed);
@@ -283,25 +330,25 @@ fn make(
         visitors.push(finished(playground, &guest.stages, &seed.of("final of guest").at(index))?);
     }
     let recorded = recording::record(&parts, &seed)?;
-    write(&folder.path().join(RECORDED), &recorded, &plan.chosen)?;
+    let set_sha256 = write(&folder.path().join(RECORDED), &recorded, &plan.chosen)?;
 
     let unseen = if recording.unseen > 0 {
         let others = recording::other_stages(&stages, &parts[0].stages, recording.unseen);
         let stages = recording::choose_stages(&others, recording.unseen)?;
         let recorded = recording::record(&[Cast { playground: &playground, stages }], &seed.of("unseen"))?;
-        write(&folder.path().join(UNSEEN_SET_FILE), &recorded, &plan.chosen)?;
-        let provenance = Provenance::of(demonstrator.clone(), Vec::new(), &recorded);
+        let set_sha256 = write(&folder.path().join(UNSEEN_SET_FILE), &recorded, &plan.chosen)?;
+        let provenance = Provenance::of(demonstrator.clone(), Vec::new(), &recorded).of_file(set_sha256);
         provenance.store(folder, UNSEEN_PROVENANCE_FILE)?;
         Some(provenance)
     } else {
         None
     };
     let last = stages.last().expect("training keeps its last stage");
-    folder.store("policy_demonstrator.safetensors", &artifact::write_policy(&last.policy))?;
-    onnx::store_policy(folder, "demonstrator", &last.policy, playground.specification())?;
-    let provenance = Provenance::of(demonstrator, visitors, &recorded);
+    folder.store(POLICY, &artifact::write_policy(&last.policy))?;
+    onnx::store_policy(folder, DEMONSTRATOR, &last.policy, playground.specification())?;
+    let provenance = Provenance::of(demonstrator, visitors, &recorded).of_file(set_sha256);
     provenance.store(folder, PROVENANCE_FILE)?;
-    Ok((provenance, unseen))
+    Ok(Made { provenance, unseen })
 }
 
 /// A guest with what it brings.
@@ -322,7 +369,11 @@ impl Invited {
 impl Provenance {
     fn of(demonstrator: Demonstrator, guests: Vec<Demonstrator>, recorded: &[Recorded]) -> Self {
         let demonstrations = recorded.iter().map(|recorded| recorded.origin.clone()).collect();
-        Self { demonstrator, guests, demonstrations }
+        Self { demonstrator, guests, demonstrations, set_sha256: None }
+    }
+
+    fn of_file(self, sha256: String) -> Self {
+        Self { set_sha256: Some(sha256), ..self }
     }
 
     fn store(&self, folder: &mut RunFolder, name: &str) -> Result<()> {
@@ -378,7 +429,8 @@ fn finished(playground: &Playground<'_>, stages: &[Stage], seed: &Seed) -> Resul
     })
 }
 
-fn write(path: &Path, recorded: &[Recorded], chosen: &Chosen) -> Result<()> {
+/// Writes a set; returns the hash of its file.
+fn write(path: &Path, recorded: &[Recorded], chosen: &Chosen) -> Result<String> {
     // The last observation has no action, and the layout has no place for it.
     let observations: Vec<Rows> = recorded
         .iter()
@@ -396,7 +448,8 @@ fn write(path: &Path, recorded: &[Recorded], chosen: &Chosen) -> Result<()> {
             terminated: trajectory.terminated(),
         })
         .collect();
-    undisturbed(|| d4rl::write(path, &episodes))
+    undisturbed(|| d4rl::write(path, &episodes))?;
+    files::sha256(&[path.to_owned()])
 }
 
 fn tell(provenance: &Provenance, unit: &str) -> String {

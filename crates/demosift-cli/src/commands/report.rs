@@ -106,7 +106,7 @@ fn goals(job: &Job) -> Vec<page::Goal> {
     let names = job.variants();
     let page = |name: &String| {
         let page = format!("{name}/{PAGE}");
-        job.folder().path().join(&page).exists().then_some(page)
+        job.folder().path().join(&page).exists().then(|| page::link_below(&page))
     };
     let goal = |name: &String| page::Goal { name: name.clone(), page: page(name) };
     if names.len() > 1 { names.iter().map(goal).collect() } else { Vec::new() }

@@ -11,6 +11,7 @@ use toml::Table;
 
 use crate::configuration;
 use crate::configuration::resolved::fixed;
+use crate::task::Chosen;
 use crate::task::simulator::{self, Earlier, Simulator};
 
 /// What a run depends on besides its configuration; kept in `run.json`.
@@ -47,6 +48,19 @@ impl Identity {
     /// The environment of the run, if its task was one.
     pub(crate) fn environment(&self) -> Option<Earlier<'_>> {
         self.simulator.as_ref().map(|simulator| Earlier { env: &self.task, simulator })
+    }
+
+    /// Whether the files of the task are still what they were in the run.
+    ///
+    /// # Errors
+    /// `is_bad_input` if they are others.
+    pub(crate) fn check_unchanged(&self, task: &Chosen) -> Result<()> {
+        if task.sha256 == self.task_sha256 {
+            return Ok(());
+        }
+        Err(Error::bad_input(
+            "the files of the task have changed since the run, so its actions may mean something else",
+        ))
     }
 }
 

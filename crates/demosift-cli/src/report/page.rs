@@ -48,7 +48,7 @@ pub(crate) struct Made<'a> {
 #[derive(Serialize)]
 pub(crate) struct Goal {
     pub(crate) name: String,
-    /// Its page, where there is one.
+    /// The link to its page, where there is one.
     pub(crate) page: Option<String>,
 }
 
@@ -95,6 +95,17 @@ pub(crate) fn name_of_set(path: &Path) -> String {
     named.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
+/// A link from a page to a file below its folder, whatever the names of the user's that lead there.
+pub(crate) fn link_below(path: &str) -> String {
+    let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~/".contains(&byte);
+    let written = path.bytes().map(|byte| match is_plain(byte) {
+        true => char::from(byte).to_string(),
+        false => format!("%{byte:02X}"),
+    });
+    // With a dot before it no name is taken for a scheme such as `javascript:`, or for the root of a disk.
+    format!("./{}", written.collect::<String>())
+}
+
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
@@ -102,6 +113,21 @@ fn escaped(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// As WHATWG's URL standard takes it apart again.
+    #[test]
+    fn a_link_leads_below_its_page_whatever_the_names() {
+        for (path, wanted) in [
+            ("east/report.html", "./east/report.html"),
+            ("javascript:alert(1)/report.html", "./javascript%3Aalert%281%29/report.html"),
+            ("//elsewhere/report.html", ".///elsewhere/report.html"),
+            ("50% #1?/report.html", "./50%25%20%231%3F/report.html"),
+            ("größer/report.html", "./gr%C3%B6%C3%9Fer/report.html"),
+            ("a\\b\"'<&/report.html", "./a%5Cb%22%27%3C%26/report.html"),
+        ] {
+            assert_eq!(link_below(path), wanted);
+        }
+    }
 
     #[test]
     fn no_part_ends_its_script_or_names_another_part() {

@@ -70,7 +70,7 @@ function heading() {
         : fact("Nothing kept yet", "`demosift select --resume` chooses a subset"),
       fact(`${signed(best.gain, scoreDecimals)}${unit}`, `is what the best one, demonstration ${best.demo}, brings: from ${fixed(report.before, scoreDecimals)} before imitating it to ${fixed(best.after, scoreDecimals)} after.`),
       made.goals.length ? null : concluded()),
-    made.goals.length ? el("p", { id: "goals" }, "The goals: ", made.goals.flatMap(({ name, page }, index) => [index ? ", " : "", page ? el("a", { href: encodeURI(page) }, name) : name]), ".") : null);
+    made.goals.length ? el("p", { id: "goals" }, "The goals: ", made.goals.flatMap(({ name, page }, index) => [index ? ", " : "", page ? el("a", { href: page }, name) : name]), ".") : null);
 }
 
 function remarks() {

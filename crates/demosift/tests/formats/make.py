@@ -111,6 +111,17 @@ def lerobot_ragged(name):
     (root / "meta/info.json").write_text(json.dumps(info))
 
 
+def lerobot_sentences(name):
+    """The list of episodes of lerobot_v3, in which the second has two sentences and the third none."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    whole = HERE / "lerobot_v3/meta/episodes/chunk-000/file-000.parquet"
+    table = pq.read_table(whole, columns=["episode_index", "tasks", "length"])
+    sentences = pa.array([["reach"], ["grasp", "lift"], []], pa.list_(pa.string()))
+    pq.write_table(table.set_column(table.column_names.index("tasks"), "tasks", sentences), fresh(name))
+
+
 def minari(name, data_format):
     import gymnasium as gym
     from minari.data_collector import EpisodeBuffer
@@ -138,6 +149,29 @@ def minari(name, data_format):
         "dataset_id": "demosift/fixture-v0",
         "algorithm_name": "none", "author": {"demosift"}, "author_email": {"none"}, "code_permalink": "none",
     })
+
+
+def minari_infos(name):
+    """A `main_data.hdf5` with infos and attributes of other kinds, of which h5py writes what Minari hands it."""
+    import h5py
+
+    with h5py.File(fresh(name), "w") as file:
+        for i, steps in enumerate(LENGTHS):
+            group = file.create_group(f"episode_{i}")
+            group.create_dataset("observations", data=observations(i, steps + 1))
+            group.create_dataset("actions", data=actions(i, steps))
+            group.create_dataset("infos/half", data=observations(i, steps + 1).astype(np.float16))
+            group["infos/half"].attrs["unit"] = "m"
+            group.create_dataset("infos/big", data=np.arange(steps + 1, dtype=">i2"))
+            group.create_dataset("infos/flags", data=np.arange(steps + 1) % 2 == 0)
+            group.create_dataset("infos/raw", data=np.full(steps + 1, b"ab", dtype="V2"))
+            group.create_dataset("infos/once", data=np.float32(0.5))
+            group.create_dataset("infos/nothing", data=h5py.Empty("f4"))
+            group.attrs["id"] = i
+            group.attrs["seed"] = 7 + i
+            group.attrs["success"] = np.bool_(i == 2)
+            group.attrs["half"] = np.float16(0.25)
+            group.attrs["options"] = h5py.Empty("S1")
 
 
 def robomimic(name):
@@ -351,8 +385,10 @@ TOOLS = {
     "lerobot-v2": lambda: lerobot("lerobot_v2"),
     "lerobot-jump": lambda: lerobot_jump("lerobot_jump"),
     "lerobot-ragged": lambda: lerobot_ragged("lerobot_ragged"),
+    "lerobot-sentences": lambda: lerobot_sentences("lerobot_sentences.parquet"),
     "minari": lambda: (minari("minari_hdf5", "hdf5"), minari("minari_parquet", "parquet"),
                        minari("minari_parquet_dict", "parquet")),
+    "minari-infos": lambda: minari_infos("minari_infos.hdf5"),
     "robomimic": lambda: robomimic("robomimic.hdf5"),
     "imitation": lambda: imitation("imitation.npz"),
     "baselines": lambda: baselines("baselines.npz"),

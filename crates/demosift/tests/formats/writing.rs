@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use demosift::data::demonstration::episode::Format;
 use demosift::data::demonstration::{self, lerobot, minari, open, robomimic};
 use demosift::data::trajectory::StateLog;
+use demosift::math::rows::Rows;
 
 use super::{LENGTHS, Scratch, assert_says, fixture, read};
 
@@ -44,6 +45,35 @@ fn what_is_written_is_read_again() {
     }
 }
 
+/// LeRobot takes a shape of [1] for a plain column, and its reader fails on a list there.
+#[test]
+fn one_number_a_step_is_written_to_lerobot_as_a_plain_column() {
+    let scratch = Scratch::new("one-number");
+    let mut original = read(&fixture("minari_hdf5")).unwrap();
+    let first = |rows: &Rows| Rows::from_flat(rows.iter().map(|row| row[0]).collect(), 1).unwrap();
+    for episode in &mut original.episodes {
+        episode.observations = first(&episode.observations);
+        episode.actions = first(&episode.actions);
+        episode.last_observation = None;
+    }
+    let states: Vec<StateLog> = LENGTHS
+        .iter()
+        .map(|&len| StateLog { qpos: (0..len).map(|at| at as f64 / 3.0).collect(), qvel: vec![0.1; 2 * len] })
+        .collect();
+    let path = scratch.0.join("lerobot");
+    let described = lerobot::Described { steps_per_sec: 50, ..Default::default() };
+    lerobot::write(&path, &original.episodes, Some(&states), &described).unwrap();
+    let again = read(&path).unwrap();
+    let columns = open::columns(&path, &again).unwrap();
+    let kind = |name: &str| columns.iter().find(|column| column.name == name).unwrap().kind.as_str();
+    assert_eq!(
+        ["observation.state", "action", "simulator.qpos", "simulator.qvel", "timestamp"].map(kind),
+        ["f32", "f32", "f64", "list of f64", "f32"]
+    );
+    assert_eq!(again.set().unwrap(), original.set().unwrap());
+    assert_eq!(open::read_states(&path, None).unwrap().unwrap(), states);
+}
+
 /// What stands in for a video, as nobody looks into them.
 fn film(camera: &str, episode: usize) -> Vec<u8> {
     format!("not really a film: {camera}, episode {episode}").into_bytes()
@@ -63,7 +93,29 @@ fn with_cameras(scratch: &Scratch) -> PathBuf {
         }
     }
     fs::write(info, described.to_string()).unwrap();
+    let statistics = path.join("meta/episodes_stats.jsonl");
+    let lines = fs::read_to_string(&statistics).unwrap();
+    let lines = lines.lines().enumerate().map(|(episode, line)| {
+        let mut line: serde_json::Value = serde_json::from_str(line).unwrap();
+        for camera in ["observation.images.top", "observation.images.wrist"] {
+            line["stats"][camera] = brightness(episode);
+        }
+        format!("{line}\n")
+    });
+    let lines: String = lines.collect();
+    fs::write(statistics, lines).unwrap();
     path
+}
+
+/// What LeRobot 0.3 says of an episode whose pictures have one frame of 0.2 and the rest of 0.8, in its shape.
+fn brightness(episode: usize) -> serde_json::Value {
+    let frames = LENGTHS[episode] as f64;
+    let mean = (0.2 + 0.8 * (frames - 1.0)) / frames;
+    let std = (((0.2 - mean).powi(2) + (0.8 - mean).powi(2) * (frames - 1.0)) / frames).sqrt();
+    let shaped = |number: f64| serde_json::json!([[[number]], [[number]], [[number]]]);
+    serde_json::json!({
+        "min": shaped(0.2), "max": shaped(0.8), "mean": shaped(mean), "std": shaped(std), "count": [LENGTHS[episode]],
+    })
 }
 
 #[test]
@@ -103,6 +155,18 @@ fn videos_go_with_the_episodes_that_are_written() {
     assert_eq!(info["video_path"], "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4");
     assert_eq!(format!("{:?}", found.videos).matches(&format!("to_secs: {:?}", 5.0 / rate)).count(), 2);
 
+    // Of all frames: 3 of 12 are dark. What version 2.1 says of each episode is taken together, and then handed on.
+    for folder in [&first, &second] {
+        let text = fs::read(folder.join("meta/stats.json")).unwrap();
+        let statistics: serde_json::Value = serde_json::from_slice(&text).unwrap();
+        let of_camera = &statistics["observation.images.wrist"];
+        assert_eq!((&of_camera["count"][0], &of_camera["min"][2][0][0]), (&12.into(), &0.2.into()));
+        for (name, wanted) in [("mean", 0.65), ("std", 0.6 * (0.25_f64 * 0.75).sqrt())] {
+            let found = of_camera[name][2][0][0].as_f64().unwrap();
+            assert!((found - wanted).abs() < 1e-12, "{name} {found}, wanted {wanted}");
+        }
+    }
+
     // One that is not there is named, and the other camera is passed on.
     fs::remove_file(path.join("videos/chunk-000/observation.images.top/episode_000001.mp4")).unwrap();
     let fewer = lerobot::description(&path, &source).unwrap().videos;
@@ -112,9 +176,57 @@ fn videos_go_with_the_episodes_that_are_written() {
         "{missing}"
     );
     assert_eq!(fewer.cameras.len(), 1);
+    fs::remove_file(path.join("meta/episodes_stats.jsonl")).unwrap();
+    let without = lerobot::description(&path, &source).unwrap().videos.missing;
+    let says =
+        |missing: &String| missing.contains("the statistics of observation.images.wrist are not passed on");
+    assert!(without.iter().any(says), "{without:?}");
     let wrong = lerobot::Described { videos: all.videos.of(&[0]), ..all };
     let error = lerobot::write(&scratch.0.join("wrong"), &kept, None, &wrong).unwrap_err();
     assert_says(&error, &["1 videos of observation.images.top", "each of the 2 episodes"]);
+}
+
+#[test]
+fn one_episode_with_two_sentences_takes_no_other_with_it() {
+    let scratch = Scratch::new("sentences");
+    for (name, list) in
+        [("lerobot_v3", "episodes/chunk-000/file-000.parquet"), ("lerobot_v2", "episodes.jsonl")]
+    {
+        let path = scratch.copy(name);
+        let list = path.join("meta").join(list);
+        let source = read(&path).unwrap();
+        let all = lerobot::description(&path, &source).unwrap();
+        assert_eq!(
+            (&all.tasks[..], &all.untold[..]),
+            (&["reach", "reach", "reach"].map(str::to_owned)[..], &[][..])
+        );
+        if name == "lerobot_v3" {
+            fs::copy(fixture("lerobot_sentences.parquet"), &list).unwrap();
+        } else {
+            let line = |(episode, tasks): (usize, &str)| {
+                format!(
+                    "{{\"episode_index\": {episode}, \"tasks\": {tasks}, \"length\": {}}}\n",
+                    LENGTHS[episode]
+                )
+            };
+            let lines = ["[\"reach\"]", "[\"grasp\", \"lift\"]", "[]"].into_iter().enumerate().map(line);
+            fs::write(&list, lines.collect::<String>()).unwrap();
+        }
+        let found = lerobot::description(&path, &source).unwrap();
+        assert_eq!(found.tasks, ["reach", "grasp", ""], "{name}");
+        let [untold] = &found.untold[..] else { panic!("{:?}", found.untold) };
+        assert!(
+            untold.contains("1 episode without a sentence") && untold.contains("such as episode 2"),
+            "{untold}"
+        );
+
+        // A list that cannot be read is told.
+        fs::write(&list, "{\"episode_index\": 0, \"tasks\"").unwrap();
+        let found = lerobot::description(&path, &source).unwrap();
+        assert_eq!(found.tasks.len(), 0, "{name}");
+        let [untold] = &found.untold[..] else { panic!("{:?}", found.untold) };
+        assert!(untold.contains("meta/episodes") && untold.contains("cannot be read"), "{untold}");
+    }
 }
 
 /// A name that leads elsewhere is no column of a data set.
@@ -190,6 +302,47 @@ fn a_minari_subset_of_a_file_alone_describes_itself() {
         assert_eq!(ours[key], minaris[key], "as Minari itself describes the same tables");
     }
     assert_eq!(read(&path).unwrap().episodes[0].actions, read(&alone).unwrap().episodes[1].actions);
+}
+
+/// Half floats, other orders of bytes, bytes without a meaning and truth are copied as they are; what cannot be is told.
+#[test]
+fn a_minari_subset_holds_infos_of_every_plain_kind() {
+    let scratch = Scratch::new("infos");
+    let (original, path) = (fixture("minari_infos.hdf5"), scratch.0.join("subset"));
+    let labels = ["1".to_owned(), "2".to_owned()];
+    let changed = minari::write_subset(&path, &original, &labels, "demosift/test-v0").unwrap();
+    let (whole, subset) =
+        [original, path.join("data/main_data.hdf5")].map(|file| hdf5_pure::File::open(file).unwrap()).into();
+    for (from, to) in [(1, 0), (2, 1)] {
+        for name in ["infos/half", "infos/big", "infos/flags", "infos/raw", "infos/once"] {
+            let [from, to] = [(&whole, from), (&subset, to)]
+                .map(|(file, episode)| file.dataset(&format!("episode_{episode}/{name}")).unwrap());
+            assert_eq!(to.datatype().unwrap(), from.datatype().unwrap(), "{name}");
+            assert_eq!(to.read_raw().unwrap(), from.read_raw().unwrap(), "{name}");
+            assert_eq!(to.shape().unwrap(), from.shape().unwrap(), "{name}");
+        }
+        let episode = subset.group(&format!("episode_{to}")).unwrap();
+        assert_eq!(
+            episode.group("infos").unwrap().datasets().unwrap().len(),
+            5,
+            "nothing is left out but what is nothing"
+        );
+        let of_table = episode.dataset("infos/half").unwrap().attrs().unwrap();
+        assert_eq!(of_table["unit"].as_str(), Some("m"));
+        let attributes = episode.attrs().unwrap();
+        assert_eq!(attributes["id"], hdf5_pure::AttrValue::I64(to));
+        assert_eq!(attributes["seed"].as_i64(), Some(7 + from));
+        assert_eq!(attributes["success"].as_i64(), Some(i64::from(from == 2)));
+    }
+    assert_eq!(
+        changed.iter().map(|words| words.split(',').next().unwrap()).collect::<Vec<_>>(),
+        [
+            "'infos/nothing' holds no value and is left out",
+            "the attribute 'half' is of a kind that cannot be copied and is left out",
+            "the attribute 'success' is written as its number",
+        ]
+    );
+    assert!(changed.iter().all(|words| words.ends_with(", in 2 episodes")), "{changed:?}");
 }
 
 #[test]

@@ -7,7 +7,7 @@ use demosift::basics::files;
 use demosift::results::artifact::onnx;
 use demosift::{Error, Result};
 
-use super::folder;
+use super::{folder, in_folder_of_goal};
 use crate::arguments::ExportArguments;
 use crate::commands::play::read_policy;
 use crate::files::writing::undisturbed;
@@ -17,17 +17,15 @@ pub(super) fn run(arguments: &ExportArguments) -> Result<()> {
     let out = folder(arguments)?;
     let (identity, _) = run_folder::of_finished(&arguments.run)?;
     let chosen = task::of_run(&identity.task, identity.environment())?;
-    if chosen.sha256 != identity.task_sha256 {
-        let message =
-            "the files of the task have changed since the run, so its actions may mean something else";
-        return Err(Error::bad_input(message).at(&arguments.run));
-    }
+    identity.check_unchanged(&chosen).map_err(|error| error.at(&arguments.run))?;
     let specification = chosen.task.specification();
     let names = names(&arguments.run)?;
     if names.is_empty() {
-        return Err(Error::bad_input("this run has trained no policies yet").at(&arguments.run).with_hint(
-            "demosift imitate --resume --out RUN trains one on the kept demonstrations, and one on all",
-        ));
+        let without = Error::bad_input("this run has trained no policies yet").at(&arguments.run);
+        return Err(without.with_hint(in_folder_of_goal(&arguments.run).unwrap_or_else(|| {
+            "demosift imitate --resume --out RUN trains one on the kept demonstrations, and one on all"
+                .to_owned()
+        })));
     }
     let files_of = |ending: &str| names.iter().map(|name| format!("{name}.{ending}")).collect::<Vec<_>>();
     let read = files_of("safetensors");

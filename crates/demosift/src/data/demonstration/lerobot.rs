@@ -29,6 +29,7 @@ use crate::data::demonstration::parquet_table::{self, Table};
 use crate::data::demonstration::pointer;
 use crate::math::rows::Rows;
 
+mod camera_statistics;
 mod description;
 mod states;
 mod videos;

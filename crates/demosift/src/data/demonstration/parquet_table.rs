@@ -237,18 +237,26 @@ impl Table {
         Ok(values)
     }
 
-    /// The first word of each row of a column of text.
+    /// The first word of each row of a column of text, or of lists of text; `None` of a row that holds none.
     ///
     /// # Errors
-    /// As [`floats_side_by_side`](Self::floats_side_by_side); and `is_bad_input` if rows differ in how many words they have.
-    pub(super) fn words(&self, name: &str) -> Result<Vec<String>> {
-        let Column { values, width } = match self.physical(name)? {
-            Physical::BYTE_ARRAY => self.column::<ByteArrayType, String>(name, None, |value| {
+    /// `is_bad_input` if there is no such column, or it holds something else.
+    pub(super) fn words(&self, name: &str) -> Result<Vec<Option<String>>> {
+        let mut held = Vec::new();
+        let column = match self.physical(name)? {
+            Physical::BYTE_ARRAY => self.column::<ByteArrayType, String>(name, Some(&mut held), |value| {
                 String::from_utf8_lossy(value.data()).into_owned()
             })?,
             other => return Err(wrong_type(name, other, "text")),
         };
-        Ok(values.into_iter().step_by(width.max(1)).collect())
+        let mut words = column.values.into_iter();
+        let first = |row: &Held| {
+            let mut of_row = words.by_ref().take(row.numbers);
+            let first = of_row.next();
+            of_row.for_each(drop);
+            first
+        };
+        Ok(held.iter().map(first).collect())
     }
 
     fn physical(&self, name: &str) -> Result<Physical> {

@@ -1,7 +1,7 @@
 //! A policy as an ONNX model that needs nothing around it: raw observations go in, actions come out.
 //!
-//! The graph does what playing the mean action does, in the same order: filter (subtract, divide, clip), network, and
-//! the clipping that environments begin a step with. The one difference is that ONNX's tanh is the exact function and
+//! The graph does what playing the mean action does, in the same order: filter (subtract, divide, clip), network, the
+//! clipping that environments begin a step with, and the range of each actuator. The one difference is that ONNX's tanh is the exact function and
 //! ours a rational one, at most 5e-7 from it.
 //!
 //! The operator set is the oldest in which all operators have the form that they have today, so that old runtimes,
@@ -120,15 +120,26 @@ fn network(graph: &mut Graph, policy: &Policy, filtered: String) -> String {
     values
 }
 
-/// middle + half the range · action.
+/// middle + half the range · action, within the range: in 32 bits the ends of the sum may lie a little beyond it.
 fn scale(graph: &mut Graph, task: &Specification) {
-    let of_ranges = |number: fn([f64; 2]) -> f64| -> Vec<f32> {
-        task.control_ranges.iter().map(|range| number(*range) as f32).collect()
+    let of_ranges = |number: fn([f64; 2]) -> f32| -> Vec<f32> {
+        task.control_ranges.iter().map(|range| number(*range)).collect()
     };
-    let half = graph.vector("control_half_range", &of_ranges(|[low, high]| 0.5 * (high - low)));
-    let middle = graph.vector("control_middle", &of_ranges(|[low, high]| 0.5 * (high + low)));
+    let half = graph.vector("control_half_range", &of_ranges(|[low, high]| (0.5 * (high - low)) as f32));
+    let middle = graph.vector("control_middle", &of_ranges(|[low, high]| (0.5 * (high + low)) as f32));
+    let low = graph.vector("lowest_control", &of_ranges(|[low, _]| least_within(low)));
+    let high = graph.vector("highest_control", &of_ranges(|[_, high]| -least_within(-high)));
     let scaled = graph.node("Mul", &[ACTION, &half], "scaled");
-    graph.node("Add", &[&scaled, &middle], CONTROL);
+    let moved = graph.node("Add", &[&scaled, &middle], "moved");
+    // The operator Clip takes the same bounds for all numbers.
+    let not_below = graph.node("Max", &[&moved, &low], "not_below");
+    graph.node("Min", &[&not_below, &high], CONTROL);
+}
+
+/// The least number of 32 bits that is not below a bound.
+fn least_within(low: f64) -> f32 {
+    let nearest = low as f32;
+    if f64::from(nearest) < low { nearest.next_up() } else { nearest }
 }
 
 /// What is computed, in order, and the constants of it.
@@ -169,4 +180,19 @@ fn value(name: &str, width: usize, about: &str) -> Message {
     let shape = Message::default().messages(1, sizes);
     let tensor = Message::default().integer(1, F32).message(2, &shape);
     Message::default().text(1, name).message(2, &Message::default().message(1, &tensor)).text(3, about)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bounds_in_32_bits_lie_within_those_in_64() {
+        for bound in [0.1, 0.7, -0.1, 1.0, 0.0, -2.5, 1e-300, 1e300, f64::INFINITY, f64::NEG_INFINITY] {
+            let least = least_within(bound);
+            assert!(f64::from(least) >= bound, "{least} is below {bound}");
+            assert!(f64::from(least.next_down()) < bound || bound.is_infinite(), "{least} is not the least");
+        }
+        assert_eq!([-1.0, 0.4_f32.into()].map(least_within), [-1.0, 0.4]);
+    }
 }

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::asked_trainer::{self, Asks};
 use super::{Config, Run, forget_checkpoint, note_work_on, worked_on_by};
 use crate::basics::error::{Error, Result};
+use crate::basics::files;
 use crate::basics::ledger::Ledger;
 use crate::basics::observer::{Event, Observer, Silent};
 use crate::basics::seed::Seed;
@@ -60,7 +61,8 @@ pub fn verdict(run: &mut Run<'_>, kept: &[NamedSubset]) -> Result<Verdict> {
         }
         let made = train_all(run, contest.candidates(), &units, &mut done)?;
         for (unit, made) in units.into_iter().zip(&made) {
-            measured(run.observer, contest.candidates(), unit, &made.training)?;
+            let part = part_of_pair(&contest.candidates()[unit.candidate], unit.imitator, identity(run));
+            measured(run.observer, &part, unit.training, &made.training)?;
             played += made.played;
             contest.add(unit, made.training);
         }
@@ -308,19 +310,34 @@ fn train(ground: Ground<'_>, unit: Unit, own: bool, shared: &Mutex<Shared<'_>>) 
     Ok(Some(made))
 }
 
+/// Under which name a pair is measured. A measurement is known by its name and stays, so another trainer, or one whose file has
+/// changed, needs another.
+fn part_of_pair(candidate: &Candidate, imitator: Imitator, trainer: Option<&TrainerIdentity>) -> String {
+    let part = format!("{}_{}", candidate.key, imitator.name().to_lowercase());
+    match trainer.filter(|_| imitator == Imitator::Trainer) {
+        Some(trainer) => format!("{part}_{}", short_hash(trainer)),
+        None => part,
+    }
+}
+
+/// Tells trainers apart.
+fn short_hash(TrainerIdentity { name, sha256 }: &TrainerIdentity) -> String {
+    const DIGITS: usize = 8;
+    let whole = format!("{name}\n{}", sha256.as_deref().unwrap_or_default());
+    files::sha256_of(whole.as_bytes()).chars().take(DIGITS).collect()
+}
+
 fn measured(
     observer: &mut dyn Observer,
-    candidates: &[Candidate],
-    unit: Unit,
+    part: &str,
+    iteration: usize,
     Training { outcome, end, .. }: &Training,
 ) -> Result<()> {
-    let part = format!("{}_{}", candidates[unit.candidate].key, unit.imitator.name().to_lowercase());
     let numbers = [
         ("score", outcome.score),
         ("standard_error", outcome.standard_error),
         ("success", outcome.success.unwrap_or(f64::NAN)),
         ("end", end.score),
     ];
-    let iteration = unit.training;
-    observer.on(Event::Measured { stage: STAGE, part: &part, iteration, numbers: &numbers })
+    observer.on(Event::Measured { stage: STAGE, part, iteration, numbers: &numbers })
 }

@@ -14,6 +14,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use super::INFO;
+use super::camera_statistics::CameraStatistics;
 use crate::basics::files;
 use crate::data::demonstration::parquet_table::{self, Table};
 
@@ -27,7 +28,7 @@ pub struct Camera {
     pub(super) name: String,
     /// What `meta/info.json` says of it.
     pub(super) feature: Value,
-    /// What `meta/stats.json` says of it.
+    /// What the data set says of its brightness.
     pub(super) statistics: Option<Value>,
     /// One an episode, in the order of the episodes.
     pub(super) shots: Vec<Shot>,
@@ -83,10 +84,9 @@ impl Videos {
 
 /// Looks for the videos of these episodes, by the numbers that the data set gives them, with their lengths in steps.
 pub(super) fn find(path: &Path, is_v3: bool, episodes: &[(i64, usize)]) -> Videos {
-    let read =
-        |name: &str| files::read(&path.join(name)).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
-    let info: Value = read(INFO).unwrap_or_default();
-    let statistics: Value = read("meta/stats.json").unwrap_or_default();
+    let info = files::read(&path.join(INFO)).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    let info: Value = info.unwrap_or_default();
+    let statistics = CameraStatistics::read(path, &episodes.iter().map(|(episode, _)| *episode).collect());
     let mut videos = Videos::default();
     let features = info["features"].as_object().into_iter().flatten();
     for (name, feature) in features.filter(|(_, feature)| feature["dtype"] == "video") {
@@ -97,12 +97,21 @@ pub(super) fn find(path: &Path, is_v3: bool, episodes: &[(i64, usize)]) -> Video
             false => shots_of_v2(path, name, episodes, &info),
         };
         match shots {
-            Ok(shots) => videos.cameras.push(Camera {
-                name: name.clone(),
-                feature: feature.clone(),
-                statistics: statistics.get(name).cloned(),
-                shots,
-            }),
+            Ok(shots) => {
+                let statistics = statistics.of(name);
+                if statistics.is_none() {
+                    videos.missing.push(format!(
+                        "the statistics of {name} are not passed on, as neither meta/stats.json nor meta/episodes_stats.jsonl \
+                         holds them; LeRobot wants them for a training on this camera"
+                    ));
+                }
+                videos.cameras.push(Camera {
+                    name: name.clone(),
+                    feature: feature.clone(),
+                    statistics,
+                    shots,
+                });
+            }
             Err(why) => videos.missing.push(format!("the videos of {name} are not passed on: {why}")),
         }
     }

@@ -190,12 +190,13 @@ fn steps_table(features: &[Feature], indices: Indices) -> Result<Vec<u8>> {
     let mut columns: Vec<Column> = features
         .iter()
         .map(|feature| {
-            let values = match feature.element {
-                "float32" => Values::FloatLists(
-                    feature.values.iter().map(|&value| value as f32).collect(),
-                    feature.width,
-                ),
-                _ => Values::DoubleLists(feature.values.clone(), feature.width),
+            let floats = || feature.values.iter().map(|&value| value as f32).collect();
+            // LeRobot takes a shape of [1] for a plain column, and does not read a list there.
+            let values = match (feature.element, feature.width) {
+                ("float32", 1) => Values::Floats(floats()),
+                ("float32", width) => Values::FloatLists(floats(), width),
+                (_, 1) => Values::Doubles(feature.values.clone()),
+                (_, width) => Values::DoubleLists(feature.values.clone(), width),
             };
             (feature.name, values)
         })

@@ -20,10 +20,11 @@ const MINARI_VERSION: &str = "0.5.3";
 /// observation stands there.
 /// Rewards were never read, so they are not a number; every episode counts as truncated at its end.
 /// `bounds` says where actions lie, `[act]`; without them it is [−1, 1] where all do, as the tasks here have it.
+/// Returns how many actions were written.
 ///
 /// # Errors
 /// `is_bad_input` if the folder exists, or an episode has no action left; `is_io` if a file cannot be written.
-pub fn write(path: &Path, episodes: &[Episode], name: &str, bounds: Option<&[[f64; 2]]>) -> Result<()> {
+pub fn write(path: &Path, episodes: &[Episode], name: &str, bounds: Option<&[[f64; 2]]>) -> Result<usize> {
     let mut file = FileBuilder::new();
     let mut total_steps = 0;
     for (index, episode) in episodes.iter().enumerate() {
@@ -47,7 +48,8 @@ pub fn write(path: &Path, episodes: &[Episode], name: &str, bounds: Option<&[[f6
     }
     let contents =
         [("data/main_data.hdf5", bytes), ("data/metadata.json", format!("{metadata:#}\n").into_bytes())];
-    files::write_folder(path, &contents)
+    files::write_folder(path, &contents)?;
+    Ok(total_steps)
 }
 
 /// What the description of a data set says of its layout, where `element` is numpy's name for the numbers in it.
