@@ -72,7 +72,8 @@ fn of_set(told: &Told, summary: &Summary, set: &str, imitator: Rule) -> Vec<Line
     };
     let line = |method: &Option<&String>| {
         let at_each_k = lost.iter().filter(|of| of.method.as_ref() == *method).map(|of| {
-            let scale = Scale::of([of.lost.mean], &of.unit);
+            let ends = of.lost.interval.into_iter().flatten();
+            let scale = Scale::of([of.lost.mean].into_iter().chain(ends), &of.unit);
             format!(
                 "{}: {}",
                 of.kept,
