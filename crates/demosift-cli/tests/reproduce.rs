@@ -304,13 +304,13 @@ fn trainings_without_a_curve_are_taken_over_until_a_figure_shows_them() {
     fs::write(scratch.0.join("tiny.toml"), &all).unwrap();
     let figure = "[[figures]]\nname = \"curves\"\ntitle = \"Curves\"\ndraws = \"top_k\"\n";
     fs::write(scratch.0.join("blind.toml"), all.replace(figure, "")).unwrap();
-    scratch.succeed("reproduce blind.toml --out blind --only curves,oracle --page blind.md");
+    scratch.succeed("reproduce blind.toml --out blind --only four/curves,oracle --page blind.md");
     let kinds = |json: &str| -> Vec<String> {
         let told: Value = serde_json::from_str(json).unwrap();
         let kinds = told["missing"].as_array().unwrap().iter();
         kinds.map(|kind| kind["name"].as_str().unwrap().to_owned()).collect()
     };
-    let dry = scratch.succeed("reproduce tiny.toml --out run --from blind.json --only oracle --dry-run --json");
+    let dry = scratch.succeed("reproduce tiny.toml --out run --from blind.json --only four/oracle --dry-run --json");
     assert!(kinds(&dry).is_empty(), "the oracle is there: {dry}");
     scratch.succeed("reproduce tiny.toml --out run --from blind.json --page page.md");
     let csv = read(&scratch, "curves.csv");
