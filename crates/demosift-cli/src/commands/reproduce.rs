@@ -214,9 +214,9 @@ fn tell(arguments: &ReproduceArguments, results: &Results, page: Option<&Path>) 
             terminal::show(&format!("\nThe page, with its figures beside it: {}\n", page.display()));
         }
     }
-    let (title, seeds) = (shown.title(), told.seeds);
+    let (title, is_partial) = (shown.title(), told.is_partial());
     let in_short = in_short::lines(&told, &summarized);
-    Ok(Summarized { name: study.name.clone(), title, seeds, decided, in_short })
+    Ok(Summarized { name: study.name.clone(), title, is_partial, decided, in_short })
 }
 
 /// `--dry-run`; what an earlier experiment counts is not counted again.

@@ -29,6 +29,8 @@ pub(crate) struct Line {
     lost: String,
     success: String,
     distance: String,
+    /// The fewest pairs of what is lost.
+    pub(crate) pairs: usize,
 }
 
 impl Line {
@@ -70,6 +72,10 @@ fn of_set(told: &Told, summary: &Summary, set: &str, imitator: Rule) -> Vec<Line
         let of = agreements.iter().find(|of| of.method.as_ref() == method);
         of.map_or("-".to_owned(), |of| interval_of_correlation(&of.spearman))
     };
+    let pairs = |method: Option<&String>| {
+        let of_method = lost.iter().filter(|of| of.method.as_ref() == method);
+        of_method.map(|of| of.lost.pairs).min().unwrap_or(0)
+    };
     let line = |method: &Option<&String>| {
         let at_each_k = lost.iter().filter(|of| of.method.as_ref() == *method).map(|of| {
             let ends = of.lost.interval.into_iter().flatten();
@@ -93,6 +99,7 @@ fn of_set(told: &Told, summary: &Summary, set: &str, imitator: Rule) -> Vec<Line
             lost: or_dash(at_each_k.collect()),
             success: or_dash(successes.collect()),
             distance: distance.map_or("-".to_owned(), |of| format!("{:.2}", of.distance.mean)),
+            pairs: pairs(*method),
         }
     };
     let oracle = Line {
@@ -103,6 +110,8 @@ fn of_set(told: &Told, summary: &Summary, set: &str, imitator: Rule) -> Vec<Line
         lost: "-".to_owned(),
         success: "-".to_owned(),
         distance: "-".to_owned(),
+        // What is lost is told beside it.
+        pairs: methods.iter().map(|method| pairs(*method)).max().unwrap_or(0),
     };
     std::iter::once(oracle).chain(methods.iter().map(line)).collect()
 }

@@ -167,13 +167,19 @@ impl Shown<'_> {
     }
 
     fn priors(&self) -> Section {
+        // Cells of before do not say what was learned.
+        let told_by = |words: String, told: &Spread, of: &told::PriorLine| match told.seeds {
+            all if all == of.score.seeds => words,
+            1 => format!("{words} (1 seed)"),
+            some => format!("{words} ({some} seeds)"),
+        };
         let row = |of: &told::PriorLine| {
             vec![
                 of.set.clone(),
                 of.method.clone(),
-                of.meta_updates.map_or("-".to_owned(), |updates| rounded(updates.mean)),
+                of.meta_updates.map_or("-".to_owned(), |told| told_by(rounded(told.mean), &told, of)),
                 spread(&of.score, Scale::of([of.score.mean], &of.unit)),
-                of.explained.map_or("-".to_owned(), |explained| correlation(&explained)),
+                of.explained.map_or("-".to_owned(), |told| told_by(correlation(&told), &told, of)),
                 of.score.seeds.to_string(),
             ]
         };

@@ -204,8 +204,7 @@ impl Page<'_> {
 pub(crate) struct Summarized {
     pub(crate) name: String,
     pub(crate) title: String,
-    /// Asked for, and whole.
-    pub(crate) seeds: [usize; 2],
+    pub(crate) is_partial: bool,
     pub(crate) decided: Vec<Decided>,
     pub(crate) in_short: Vec<in_short::Line>,
 }
@@ -216,15 +215,16 @@ pub(crate) fn summary(all: &[Summarized]) -> String {
     text += &sentences(&format!(
         "`demosift reproduce` made this page from results, and no number in it is typed by hand. \
          A claim is compared for each set, K and other method, and the 95 % interval of the difference that is paired by seed decides. \
-         Fewer than {ENOUGH_SEEDS} seeds decide nothing. \
+         Fewer than {ENOUGH_SEEDS} pairs decide nothing, and an experiment in part lacks sets or methods. \
          Of twenty comparisons between equals one is separable by luck, so where one of many agrees or disagrees, little is said.",
     ));
     for by in [By::Paper, By::Us] {
         let row = |of: &Summarized, decided: &Decided| {
             let counts = [Said::Agrees, Said::Disagrees, Said::NotSeparable, Said::TooFew];
-            let mut row = vec![of.name.clone(), decided.says.trim_end_matches('.').to_owned()];
+            let name = if of.is_partial { format!("{}, in part", of.name) } else { of.name.clone() };
+            let mut row = vec![name, decided.says.trim_end_matches('.').to_owned()];
             row.extend(counts.map(|said| decided.count(said).to_string()));
-            row.push(format!("{} of {}", of.seeds[1], of.seeds[0]));
+            row.push(pairs(decided));
             row
         };
         let of_one = |of: &Summarized| {
@@ -236,13 +236,13 @@ pub(crate) fn summary(all: &[Summarized]) -> String {
             By::Paper => ("What the paper claims", "agree", "disagree"),
             By::Us => ("What we ask besides", "better", "worse"),
         };
-        let header = ["experiment", "claim", yes, no, "not separable", "too few seeds", "seeds"];
+        let header = ["experiment", "claim", yes, no, "not separable", "too few seeds", "pairs"];
         if !rows.is_empty() {
             text += &format!("\n## {title}\n\n{}", in_markdown(&header, &rows));
         }
     }
     let mut lines: Vec<&in_short::Line> = Vec::new();
-    for line in all.iter().filter(|of| of.seeds[1] >= ENOUGH_SEEDS).flat_map(|of| &of.in_short) {
+    for line in all.iter().flat_map(|of| &of.in_short).filter(|line| line.pairs >= ENOUGH_SEEDS) {
         if !lines.iter().any(|told| told.is_about_the_same(line)) {
             lines.push(line);
         }
@@ -256,6 +256,15 @@ pub(crate) fn summary(all: &[Summarized]) -> String {
     text += "\n## The pages\n\n";
     all.iter().for_each(|of| text += &format!("- [{}]({}.md)\n", of.title, of.name));
     text
+}
+
+/// Of how many pairs its comparisons are.
+fn pairs(decided: &Decided) -> String {
+    let each = || decided.cases.iter().map(|case| case.difference.map_or(0, |difference| difference.pairs));
+    match (each().min().unwrap_or(0), each().max().unwrap_or(0)) {
+        (fewest, most) if fewest == most => most.to_string(),
+        (fewest, most) => format!("{fewest} to {most}"),
+    }
 }
 
 /// Markdown has one sentence per line.
