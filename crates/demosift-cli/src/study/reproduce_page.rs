@@ -275,7 +275,11 @@ fn sentences(words: &str) -> String {
 }
 
 fn hours(hours: f64) -> String {
-    if hours < 1.0 { "less than an hour".to_owned() } else { format!("{hours:.0} hours") }
+    match hours {
+        ..1.0 => "less than an hour".to_owned(),
+        1.0..1.5 => "an hour".to_owned(),
+        _ => format!("{hours:.0} hours"),
+    }
 }
 
 /// What a case says, in a word or two.

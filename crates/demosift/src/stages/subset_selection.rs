@@ -212,9 +212,10 @@ fn end(rounds: &[Weighed], how: &SubsetSelection) -> Option<WeighingEnd> {
         demos.sort_unstable();
         demos
     };
+    let leaves_out = |round: &Weighed| chosen(round).len() < round.weights.iter().count();
     match last {
         Some(last)
-            if last.iter().all(|round| chosen(round).len() < round.weights.iter().count())
+            if last.iter().all(leaves_out)
                 && last.windows(2).all(|pair| chosen(&pair[0]) == chosen(&pair[1])) =>
         {
             Some(WeighingEnd::Converged)

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::truth::{Against, Truth, mean_of, spearman};
+use super::truth::{Against, Truth, between, mean_of, spearman};
 use crate::math::statistics::mean;
 use crate::world::heuristic::Score;
 
@@ -31,16 +31,11 @@ pub(super) fn steadiness(
     method: &str,
     seeds: &[Vec<Score>],
 ) -> Option<Steadiness> {
-    let pairs = seeds
-        .iter()
-        .enumerate()
-        .flat_map(|(place, one)| seeds[..place].iter().map(move |other| (one, other)));
-    let between: Vec<f64> = pairs.map(|(one, other)| spearman(one, other)).collect();
     let with_truth = |scores: &Vec<Score>| values.agreement(&spearman, scores);
-    (!between.is_empty()).then(|| Steadiness {
+    Some(Steadiness {
         truth: truth.clone(),
         method: method.to_owned(),
-        between_seeds: mean(&between),
+        between_seeds: between(&seeds.iter().collect::<Vec<_>>())?,
         one_seed: mean(&seeds.iter().map(with_truth).collect::<Vec<_>>()),
         together: with_truth(&mean_of(seeds.iter())),
         seeds: seeds.len(),

@@ -51,6 +51,15 @@ pub(super) fn spearman(one: &[f64], other: &[f64]) -> f64 {
     or_nothing(agreement::spearman(one, other))
 }
 
+/// Spearman's correlation of two of them, the mean over all pairs; `None` of a single one.
+pub(super) fn between(seeds: &[&Vec<f64>]) -> Option<f64> {
+    let others = |place: usize| seeds[..place].iter();
+    let pairs = seeds.iter().enumerate();
+    let pairs = pairs.flat_map(|(place, one)| others(place).map(move |other| spearman(one, other)));
+    let found: Vec<f64> = pairs.collect();
+    (!found.is_empty()).then(|| mean(&found))
+}
+
 /// An opinion that is the same of all demonstrations agrees with nothing and contradicts nothing.
 pub(super) fn or_nothing(correlation: f64) -> f64 {
     if correlation.is_nan() { 0.0 } else { correlation }

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::estimate::{Difference, Spread, paired_difference};
 use super::parts::Set;
 use super::plan::Study;
-use super::truth::{Against, Truth, spearman};
+use super::truth::{Against, Truth, between, spearman};
 use super::work::top;
 use super::{Finished, WeighingResult};
 use crate::data::demonstration::DemoId;
@@ -67,7 +67,7 @@ pub(super) fn weighed(study: &Study, set: &Set, finished: &Finished) -> Vec<Weig
             times: (0..set.demonstrations)
                 .map(|demo| found.iter().filter(|of| of.demos.contains(&DemoId(demo))).count())
                 .collect(),
-            alike: alike(&last),
+            alike: between(&last),
             rounds: spread(&|of| of.weights.len() as f64)?,
             converged: found.iter().filter(|of| of.end == WeighingEnd::Converged).count(),
             environment_steps: statistics::mean_or_zero(&steps),
@@ -75,15 +75,6 @@ pub(super) fn weighed(study: &Study, set: &Set, finished: &Finished) -> Vec<Weig
         })
     };
     methods.iter().flat_map(|weights| &weights.methods).filter_map(of).collect()
-}
-
-fn alike(last: &[&Vec<f64>]) -> Option<f64> {
-    let pairs = last
-        .iter()
-        .enumerate()
-        .flat_map(|(index, one)| last[index + 1..].iter().map(move |other| spearman(one, other)));
-    let pairs: Vec<f64> = pairs.collect();
-    (!pairs.is_empty()).then(|| statistics::mean(&pairs))
 }
 
 fn beside(last: &[&Vec<f64>], against: &Against, values: &[f64]) -> Option<WeighedTruth> {
