@@ -86,3 +86,42 @@ fn every_file_of_a_run_is_as_its_schema_says() {
         .collect();
     assert!(unseen.is_empty(), "nothing was held against {unseen:?}");
 }
+
+/// They are made from their files of results, whatever the program says on a page today; the README has the table of the paper's
+/// claims from there. What commit and machine made the cells, the command cannot know.
+#[test]
+fn the_pages_of_experiments_are_what_their_results_make() {
+    let kept = in_repository("docs/results");
+    let scratch = Scratch::new("pages");
+    std::fs::create_dir(scratch.0.join("results")).unwrap();
+    for file in std::fs::read_dir(&kept).unwrap().map(|entry| entry.unwrap().path()) {
+        if file.extension().is_some_and(|extension| extension == "json") {
+            std::fs::copy(&file, scratch.0.join("results").join(file.file_name().unwrap())).unwrap();
+        }
+    }
+    scratch.succeed("reproduce results --page made --summary made/README.md");
+    let told_by_command = |bytes: &[u8]| -> Vec<String> {
+        let text = String::from_utf8_lossy(bytes).into_owned();
+        text.lines().filter(|line| !line.starts_with("# demosift ")).map(str::to_owned).collect()
+    };
+    let made = scratch.files("made");
+    assert!(made.len() > 20, "{:?}", made.keys());
+    for (name, bytes) in &made {
+        let there = std::fs::read(kept.join(name)).unwrap_or_default();
+        assert!(
+            told_by_command(bytes) == told_by_command(&there),
+            "docs/results/{name} is not what its results make: draw it again with demosift reproduce (docs/studies.md)"
+        );
+    }
+    let summary = String::from_utf8(made["README.md"].clone()).unwrap();
+    let claims: Vec<&str> = summary
+        .lines()
+        .skip_while(|line| !line.starts_with("| experiment | claim | agree |"))
+        .take_while(|line| line.starts_with('|'))
+        .collect();
+    let readme = std::fs::read_to_string(in_repository("README.md")).unwrap();
+    assert!(
+        claims.len() > 4 && readme.contains(&claims.join("\n")),
+        "README.md has not the table {claims:#?}"
+    );
+}

@@ -206,8 +206,11 @@ fn an_experiment_becomes_cells_figures_numbers_and_a_page() {
         "reproduce kept --page x.md",
         &["several experiments have a page each", "hint: give a folder"],
     );
-    fs::remove_file(scratch.0.join("kept/fig4.json")).unwrap();
+    // A study of ours is told after those of the paper, and what is none is left alone.
+    fs::rename(scratch.0.join("kept/fig4.json"), scratch.0.join("kept/ours.json")).unwrap();
+    fs::write(scratch.0.join("kept/something.json"), "{}").unwrap();
     scratch.succeed("reproduce kept --summary summary.md --json");
+    assert_eq!(read(&scratch, "summary.md").matches("- [A tiny experiment](tiny.md)").count(), 2);
     let summary = read(&scratch, "summary.md");
     for part in [
         "# What of the paper holds here\n",
@@ -317,6 +320,10 @@ fn trainings_without_a_curve_are_taken_over_until_a_figure_shows_them() {
     let csv = read(&scratch, "curves.csv");
     assert!(csv.lines().skip(1).all(|line| line.ends_with(",2")), "each curve is of both seeds: {csv}");
     assert!(csv.contains("\"four, gail\",cloning,top 1,"), "{csv}");
+
+    // Of several files the one that has the curve gives the cell, and what one lacks another has.
+    scratch.succeed("reproduce tiny.toml --out both --from blind.json --from tiny.json");
+    assert!(fs::read_dir(scratch.0.join("both/cells")).unwrap().next().is_none(), "nothing was made");
 }
 
 #[test]

@@ -168,7 +168,7 @@ pub(crate) struct StandingsOfJudge<'a> {
 
 impl<'a> StandingsOfJudge<'a> {
     pub(crate) fn new(found: &'a Found) -> Self {
-        let Found { judges, goal, standings, kept } = found;
+        let Found { judges, goal, standings, kept, .. } = found;
         Self { judge: *judges, goal: goal.as_deref(), kept_by_run: *kept, standings }
     }
 }

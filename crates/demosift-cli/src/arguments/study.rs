@@ -42,9 +42,10 @@ pub(crate) struct StudyArguments {
 /// Which cells are made, and which are taken over.
 #[derive(Debug, Args)]
 pub(crate) struct CellArguments {
-    /// Take over the finished cells of this file of results, as far as they are of the same version, sets and values
+    /// Take over the finished cells of this file of results, as far as they are of the same version, sets and values; may be
+    /// given several times
     #[arg(long, value_name = "RESULTS.json")]
-    pub(crate) from: Option<PathBuf>,
+    pub(crate) from: Vec<PathBuf>,
     /// Cells that are made at the same time, each on a thread of its own [default: all processors]
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<usize>,
@@ -56,7 +57,7 @@ pub(crate) struct CellArguments {
 impl CellArguments {
     /// Whether they ask for cells that are made or taken over.
     pub(crate) fn are_made(&self) -> bool {
-        self.from.is_some() || self.part.is_some()
+        !self.from.is_empty() || self.part.is_some()
     }
 }
 

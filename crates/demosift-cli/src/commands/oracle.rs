@@ -51,11 +51,18 @@ pub(crate) fn run(arguments: &OracleArguments) -> Result<()> {
 fn worth_in_words(worth: &Worth, unit: &str) -> String {
     let Worth { score, best_alone, share_of_best, random, against_random } = worth;
     let scale = Scale::of(random.iter().copied().chain([*score]), unit);
-    let way = format!(
-        "The policy from the kept demonstrations went {} of the way from an untrained policy to that from \
-         demonstration {best_alone} alone, the best.",
-        tables::percent(*share_of_best)
-    );
+    let way = match share_of_best {
+        Some(share) => format!(
+            "The policy from the kept demonstrations went {} of the way from an untrained policy to that from \
+             demonstration {best_alone} alone, the best by the same trainings, which flatters it.",
+            tables::percent(*share)
+        ),
+        None => format!(
+            "No demonstration alone taught anything; the best is demonstration {best_alone}. The policy from the kept \
+             demonstrations scores {}.",
+            scale.with_unit(*score)
+        ),
+    };
     let beside = against_random.map(|against| {
         format!(
             "It scores {}, which is {} beside the mean of {} random subsets of the same size, and beats {} of them.",

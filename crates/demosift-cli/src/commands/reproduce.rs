@@ -90,7 +90,7 @@ fn one(
     }
     let preset = opened.study.drawn.preset.clone().unwrap_or_else(|| "standard".to_owned());
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("runs/reproduce").join(preset));
-    let mut studied = Studied::look(&opened, &out, arguments.cells.from.as_deref())?;
+    let mut studied = Studied::look(&opened, &out, &arguments.cells.from)?;
     if arguments.dry_run {
         studied.gather()?;
         forecast(&studied, only, arguments, counted);
@@ -133,10 +133,15 @@ fn page_of(arguments: &ReproduceArguments, compact: &Compact) -> Option<PathBuf>
     Some(if is_page(page) { page.clone() } else { page.join(format!("{}.md", compact.study.name)) })
 }
 
-/// All experiments whose results lie in a folder.
+/// All experiments whose results lie in a folder, and then all other studies that draw or claim something.
 fn draw_folder(arguments: &ReproduceArguments, folder: &Path) -> Result<()> {
     let results = experiments::EXPERIMENTS.iter().map(|of| folder.join(format!("{}.json", of.name)));
-    let results: Vec<PathBuf> = results.filter(|path| path.is_file()).collect();
+    let mut results: Vec<PathBuf> = results.filter(|path| path.is_file()).collect();
+    let entries = std::fs::read_dir(folder).map_err(|error| Error::io("cannot read", folder, &error))?;
+    let beside = entries.flatten().map(|entry| entry.path());
+    let mut others: Vec<PathBuf> = beside.filter(|path| !results.contains(path) && draws(path)).collect();
+    others.sort();
+    results.extend(others);
     if results.is_empty() {
         return Err(
             Error::bad_input("the folder holds no results of an experiment, such as fig3.json").at(folder)
@@ -147,13 +152,19 @@ fn draw_folder(arguments: &ReproduceArguments, folder: &Path) -> Result<()> {
     summarize(arguments, &all)
 }
 
+/// Whether it is a file of results, and not just of cells; other files of a folder say other things.
+fn draws(path: &Path) -> bool {
+    let is_named_so = path.extension().is_some_and(|extension| extension == "json");
+    is_named_so && read_results(path).is_ok_and(|compact| !compact.study.drawn.is_nothing())
+}
+
 /// A file of results is drawn on any machine, without the sets.
 fn draw_again(arguments: &ReproduceArguments, path: &Path) -> Result<Summarized> {
     let ReproduceArguments { data, out, cells, only, dry_run, preset, seeds, .. } = arguments;
     let making = [
         ("--data", data.is_some()),
         ("--out", out.is_some()),
-        ("--from", cells.from.is_some()),
+        ("--from", !cells.from.is_empty()),
         ("--part", cells.part.is_some()),
         ("--only", only.is_some()),
         ("--dry-run", *dry_run),

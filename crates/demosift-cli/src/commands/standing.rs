@@ -140,8 +140,9 @@ fn standings(given: &GivenPrior, job: &Job, of: &[OfJudge], judges: Judges) -> R
         let tables = earlier.iter().zip(&new).zip(of);
         let by_judge: Vec<Beside<'_>> =
             tables.map(|((earlier, new), of)| Beside { earlier, new, seed: &of.seed }).collect();
-        let standings = standing::standings(&by_judge, Kept { keep, count })?;
-        Ok(Found { judges, goal: several.then(|| goal.clone()), standings, kept: count })
+        let of_all = earlier[0].demos().len() == by_all.demos().len();
+        let standings = standing::standings(&by_judge, Kept { keep, count, of_all })?;
+        Ok(Found { judges, goal: several.then(|| goal.clone()), standings, keep, kept: count })
     };
     job.variants().iter().enumerate().map(under).collect()
 }

@@ -33,7 +33,7 @@ pub(crate) fn run(arguments: &StudyArguments) -> Result<()> {
     })?;
     let only = &opened.only;
     let out = arguments.out.clone().unwrap_or_else(|| Path::new("runs").join(&opened.study.name));
-    let mut studied = Studied::look(&opened, &out, arguments.cells.from.as_deref())?;
+    let mut studied = Studied::look(&opened, &out, &arguments.cells.from)?;
     if arguments.dry_run {
         studied.gather()?;
         forecast(&studied, only, arguments);

@@ -315,7 +315,7 @@ function weights() {
     el("h2", {}, "Weights, round by round"),
     el("p", { class: "soft" }, trends.end === "converged"
       ? "Demonstrations that help count more and more, the others less. It ended as the subset no longer changed."
-      : "Demonstrations that help count more and more, the others less. It ended at the limit of rounds; the subset still changed."),
+      : "Demonstrations that help count more and more, the others less. It ended at the limit of rounds, before the same subset had come out often enough in a row."),
     el("div", { class: "chart" }, lineChart({ series, width: 900, height: 320, labels: true, xName: "round", yName: "weight", whole: true, summary: "Weight of each demonstration over the rounds" })));
 }
 

@@ -43,13 +43,18 @@ impl Shown<'_> {
                 of.method.clone().unwrap_or_else(|| "(whole set)".to_owned()),
                 spread(&of.score, Scale::of([of.score.mean], &of.unit)),
                 of.success.map_or("-".to_owned(), share),
+                spread(&of.best, Scale::of([of.best.mean], &of.unit)),
                 of.score.seeds.to_string(),
             ]
         };
-        let header = ["set", "imitator", "K", "kept by", "score", "success", "seeds"];
+        let header = ["set", "imitator", "K", "kept by", "score", "success", "best on the way", "seeds"];
         let rows = self.told.policies.iter().map(row).collect();
-        let title = "What policies from the kept are worth at the end of their training:";
-        Section { below: DEVIATION.to_owned(), ..Section::of(title, &header, rows) }
+        let title = "What policies from the kept are worth:";
+        let below = format!(
+            "Score and success are those of the last policy. The best on the way is the one that `demosift imitate` hands over, on \
+             episodes that did not choose it; the heuristic chooses it, so it hides that learning went on to worse ones. {DEVIATION}"
+        );
+        Section { below, ..Section::of(title, &header, rows) }
     }
 
     fn lost(&self) -> Section {
@@ -60,13 +65,14 @@ impl Shown<'_> {
                 of.kept.to_string(),
                 of.method.clone().unwrap_or_else(|| "(whole set)".to_owned()),
                 marked(&of.lost, &signed(&of.lost, &of.unit)),
+                marked(&of.lost_by_best, &signed(&of.lost_by_best, &of.unit)),
                 of.lost.pairs.to_string(),
             ]
         };
-        let header = ["set", "imitator", "K", "kept by", "lost", "pairs"];
+        let header = ["set", "imitator", "K", "kept by", "lost", "by the best on the way", "pairs"];
         let rows = self.told.lost.iter().map(row).collect();
-        let below = "It is the score of policies from the truly best K, those of the oracle, less that of policies from the kept, \
-                     paired by seed, with a 95 % interval by Student's t; bold is what does not hold 0. The truly best one is \
+        let below = "It is the score of the last policies from the truly best K, those of the oracle, less that of those from the \
+                     kept, and the same of the best policies on the way, paired by seed, with a 95 % interval by Student's t; bold is what does not hold 0. The truly best one is \
                      chosen by other trainings than the one that is compared, so a method can do better.";
         let title = "What is lost beside the truly best K:";
         Section { below: below.to_owned(), ..Section::of(title, &header, rows) }

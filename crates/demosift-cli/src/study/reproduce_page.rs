@@ -67,18 +67,21 @@ impl Shown<'_> {
             By::Paper => "The paper",
             By::Us => "Our question",
         };
-        let trains = matches!(decided.measure, Measure::Score | Measure::Success);
+        let of_policies = decided.measure.is_of_policies();
         let row = |case: &Case| {
             let mut row = vec![case.set.clone()];
             row.extend(case.kept.clone());
             // Of what is better when it is less, the other stands first, as in the difference.
             let [one, other] = match decided.measure {
-                Measure::Score | Measure::Success => [&case.better, &case.than],
                 Measure::Distance => [&case.than, &case.better],
+                _ => [&case.better, &case.than],
             };
-            let than = match (case.imitator, trains) {
-                (Some(imitator), true) => format!("{one} − {other}, {}", imitator_name(imitator)),
-                _ => format!("{one} − {other}"),
+            let than = match (case.imitator.map(imitator_name), decided.measure) {
+                (Some(imitator), Measure::Agreement) => {
+                    format!("{one} − {other}, with the oracle by {imitator}")
+                }
+                (Some(imitator), _) => format!("{one} − {other}, {imitator}"),
+                (None, _) => format!("{one} − {other}"),
             };
             row.push(than);
             row.push(self.difference(case, decided.measure));
@@ -87,7 +90,7 @@ impl Shown<'_> {
             row
         };
         let mut header = vec!["set"];
-        if decided.measure != Measure::Distance {
+        if of_policies {
             header.push("K");
         }
         header.extend(["better by", "difference", "pairs", "found"]);
@@ -97,10 +100,10 @@ impl Shown<'_> {
     fn difference(&self, case: &Case, measure: Measure) -> String {
         let Some(difference) = &case.difference else { return "-".to_owned() };
         match measure {
-            Measure::Score => {
+            Measure::Score | Measure::Best => {
                 signed(difference, self.compact.study.set(&case.set).map_or("", |set| set.unit.as_str()))
             }
-            Measure::Distance => signed(difference, ""),
+            Measure::Distance | Measure::Agreement => signed(difference, ""),
             Measure::Success => with_ends(difference, percent),
         }
     }

@@ -3,7 +3,7 @@
 //! Cells are shared over threads whole, each on a pool of one thread, so that a processor's time is a cell's own.
 //! What depends on finished cells, such as trainings on what was kept, is asked for once they are there.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
@@ -26,8 +26,8 @@ use crate::tables::study::{self as table, Kind};
 pub(crate) struct Studied<'o> {
     pub(crate) opened: &'o Opened,
     pub(crate) folder: StudyFolder,
-    /// What an earlier file of results holds.
-    earlier: Finished,
+    /// What earlier files of results hold.
+    earlier: Vec<Finished>,
     finished: Finished,
     /// Cells that are there and of something else, each with what.
     not_believed: Vec<(Work, &'static str)>,
@@ -44,11 +44,12 @@ pub(crate) struct Missing {
 }
 
 impl<'o> Studied<'o> {
-    /// Looks into a folder that need not be there, and into a file of earlier results.
-    pub(crate) fn look(opened: &'o Opened, out: &Path, from: Option<&Path>) -> Result<Self> {
+    /// Looks into a folder that need not be there, and into files of earlier results.
+    pub(crate) fn look(opened: &'o Opened, out: &Path, from: &[PathBuf]) -> Result<Self> {
+        let earlier = from.iter().map(|path| Ok(read_results(path)?.finished));
         Ok(Self {
             folder: StudyFolder::look(out.to_owned())?,
-            earlier: from.map_or(Ok(Finished::default()), |from| Ok(read_results(from)?.finished))?,
+            earlier: earlier.collect::<Result<_>>()?,
             finished: Finished::default(),
             not_believed: Vec::new(),
             opened,
@@ -65,9 +66,10 @@ impl<'o> Studied<'o> {
                     continue;
                 }
                 let wanted = self.fingerprint(&work);
-                let of_earlier = self.earlier.cell(&work).filter(|cell| cell.fingerprint == wanted);
-                let shows = |cell: &&Cell| self.opened.study.has_all_to_show(cell, &self.finished);
-                let handed_on = of_earlier.filter(shows);
+                let is_of_use = |cell: &&Cell| {
+                    cell.fingerprint == wanted && self.opened.study.has_all_to_show(cell, &self.finished)
+                };
+                let handed_on = self.earlier.iter().filter_map(|of| of.cell(&work)).find(is_of_use);
                 match (self.folder.recall(&work, &wanted)?, handed_on) {
                     (Recalled::Cell(cell), _) => self.finished.add(*cell),
                     (_, Some(cell)) => self.finished.add(cell.clone()),
@@ -87,7 +89,8 @@ impl<'o> Studied<'o> {
 
     /// What is kept may have turned out since to be what a cell of an earlier file was trained on, whose curve is then drawn.
     fn forget_what_lacks_a_curve(&mut self) {
-        let handed_on = self.earlier.cells().filter_map(|cell| self.finished.cell(&cell.work));
+        let earlier = self.earlier.iter().flat_map(Finished::cells);
+        let handed_on = earlier.filter_map(|cell| self.finished.cell(&cell.work));
         let lacking = handed_on.filter(|cell| !self.opened.study.has_all_to_show(cell, &self.finished));
         let lacking: Vec<Work> = lacking.map(|cell| cell.work.clone()).collect();
         lacking.iter().for_each(|work| self.finished.forget(work));

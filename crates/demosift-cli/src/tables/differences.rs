@@ -1,6 +1,6 @@
 //! A difference with its interval, as pages of experiments write it.
 
-use demosift::run::study::estimate::{Difference, ENOUGH_SEEDS};
+use demosift::run::study::estimate::Difference;
 
 use super::Scale;
 
@@ -23,6 +23,6 @@ pub(crate) fn with_ends(
 
 /// Bold where enough pairs leave no 0 in the interval.
 pub(crate) fn marked(difference: &Difference, words: &str) -> String {
-    let is_sure = difference.is_separable() && difference.pairs >= ENOUGH_SEEDS;
+    let is_sure = difference.can_decide() && difference.is_separable();
     if is_sure { format!("**{words}**") } else { words.to_owned() }
 }

@@ -6,6 +6,7 @@ use demosift::results::panel::{Judge, Judges};
 use demosift::results::standing::Standing;
 use demosift::stages::judge::ScoreTable;
 use demosift::stages::method::Account;
+use demosift::stages::select::Keep;
 
 use super::{Scale, list, percent, table, wrapped};
 
@@ -15,6 +16,8 @@ pub(crate) struct Found {
     /// The goal, where the task has several.
     pub(crate) goal: Option<String>,
     pub(crate) standings: Vec<Standing>,
+    /// By which rule the earlier run keeps.
+    pub(crate) keep: Keep,
     /// How many the earlier run keeps.
     pub(crate) kept: usize,
 }
@@ -66,7 +69,8 @@ pub(crate) fn together(found: &[Found], unit: &str) -> String {
 }
 
 fn places(judge: &str, found: &Found, unit: &str) -> String {
-    let Found { goal, standings, kept, .. } = found;
+    let Found { goal, standings, keep, kept, .. } = found;
+    let untold = if *keep == Keep::Weights { "by weights" } else { "-" };
     let scale = Scale::of(standings.iter().flat_map(|of| [of.low, of.high]), unit);
     let header =
         ["demonstration", &scale.title("gain"), "90 % interval", "place", &format!("P(top {kept})"), "kept"];
@@ -79,7 +83,7 @@ fn places(judge: &str, found: &Found, unit: &str) -> String {
                 format!("[{}, {}]", scale.signed(of.low), scale.signed(of.high)),
                 format!("{} of {}", of.place, of.of),
                 percent(of.top),
-                of.kept.map_or("by weights", |kept| if kept { "yes" } else { "no" }).to_owned(),
+                of.kept.map_or(untold, |kept| if kept { "yes" } else { "no" }).to_owned(),
             ]
         })
         .collect();

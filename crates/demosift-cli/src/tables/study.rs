@@ -181,9 +181,10 @@ fn differences(summary: &Summary) -> Section {
     // Of a single set it is said above.
     let over_sets = summary.over_sets.iter().filter(|of| of.sets > 1);
     rows.extend(over_sets.map(|of| row(&format!("all {}", of.sets), &of.compared)));
-    let below = "Differences of Spearman's correlation, paired by seed, with a 95 % interval by Student's t; over all sets, \
-                 which count alike, with the degrees of freedom of Welch and Satterthwaite. Fewer than ten pairs a set tell \
-                 little.";
+    let below = "Differences of Spearman's correlation, paired by seed, with a 95 % interval by Student's t that holds the luck of \
+                 the judge's seeds and, by the jackknife, that of the oracle's; over all sets, which count alike, with the degrees of \
+                 freedom of Welch and Satterthwaite, and with the pairs of the set that has the fewest. Fewer than ten pairs a set, or \
+                 an oracle of one seed, decide nothing.";
     Section {
         title: "Which judge is the better one:".to_owned(),
         header: words(&["set", "truth", "judges", "difference", "verdict", "pairs"]),
@@ -202,7 +203,7 @@ fn difference(of: &Difference) -> String {
 fn separable(of: &Compared) -> String {
     let better = if of.difference.mean > 0.0 { &of.method } else { &of.other };
     match of.separable {
-        _ if of.difference.pairs < ENOUGH_SEEDS => "too few seeds".to_owned(),
+        _ if !of.difference.can_decide() => "too few seeds".to_owned(),
         true => format!("{better} is better"),
         false => "not separable".to_owned(),
     }

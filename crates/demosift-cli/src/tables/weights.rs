@@ -34,8 +34,12 @@ pub(crate) fn trends(weighing: &Weighing) -> String {
     let why = match weighing.end {
         WeighingEnd::Converged => format!("It ended after {count} rounds, as the subset no longer changed."),
         WeighingEnd::RoundLimit => format!(
-            "It ended after {count} rounds, as many as were allowed; the subset still changed, and \
-             --set subset_selection.rounds={} would go further.",
+            "It ended after {count} rounds, as many as were allowed: {}, and --set subset_selection.rounds={} would go further.",
+            if weighing.demos.len() == last.weights.iter().count() {
+                "the weight of none fell below the threshold, so all are kept"
+            } else {
+                "the same subset had not come out often enough in a row"
+            },
             2 * count
         ),
     };

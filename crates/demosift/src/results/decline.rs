@@ -22,8 +22,7 @@ pub struct Decline {
 /// both are more than noise.
 pub fn decline(curve: &LearningCurve) -> Option<Decline> {
     let (first, last) = (*curve.points.first()?, *curve.points.last()?);
-    // Of equal points the first, as the policy that is kept.
-    let best = *curve.points.iter().rev().max_by(|a, b| a.score.total_cmp(&b.score))?;
+    let best = *curve.best_point()?;
     let (gained, lost) = (best.score - first.score, best.score - last.score);
     let noise = |other: CurvePoint| STANDARD_ERRORS * best.standard_error.hypot(other.standard_error);
     (gained > noise(first) && lost > noise(last) && lost >= 0.5 * gained).then_some(Decline { best, last })
@@ -66,7 +65,7 @@ mod tests {
         assert_eq!(declines(&[-1.8, -0.6, -0.7, -1.3], 0.2), None, "within three standard errors of 0.28");
         assert_eq!(declines(&[-1.8, -1.3, -0.7, -0.6], 0.05), None, "it still learns");
         assert_eq!(declines(&[-0.4, -0.6, -0.7], 0.05), None, "a bad demonstration was imitated well");
-        assert_eq!(declines(&[-1.8, -0.6, -0.6, -1.3], 0.05), Some(1), "the first of equals is kept");
+        assert_eq!(declines(&[-1.8, -0.6, -0.6, -1.3], 0.05), Some(2), "the later of equals is kept");
         assert_eq!(declines(&[-0.4], 0.05), None);
     }
 }

@@ -48,12 +48,15 @@ pub struct Panel {
     pub lines: Vec<Line>,
 }
 
+/// So many lines are told apart by color.
+pub const COLORS: usize = 8;
+
 /// A mean with its spread along an axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
     /// In the legend.
     pub name: String,
-    /// Which of the colors.
+    /// Which of the [`COLORS`].
     pub color: usize,
     /// How it is drawn.
     pub stroke: Stroke,

@@ -49,17 +49,20 @@ pub fn against_random(subset: Score, random: &[Score]) -> AgainstRandom {
     AgainstRandom { gain: subset - mean(random), beaten: mean_of(wins) }
 }
 
-/// How much of the way from the untrained policy to the best single demonstration's the subset's policy went: 1 is as
+/// How much of the way from the untrained policy to those of the best single demonstration the subset's policy went: 1 is as
 /// good, more is better.
 ///
 /// A quotient of the heuristics themselves would mean nothing where they are negative, as negated distances are, so both
-/// are counted from the first point of the curves, where nothing has been learned yet, to their end. NaN where the best single
-/// demonstration taught nothing, or a curve has no point.
-pub fn share_of_best(subset: &LearningCurve, best_single: &LearningCurve) -> f64 {
+/// are counted from the first point of the curves, where nothing has been learned yet, to their end. Trainings on the best
+/// one are averaged before they divide, since one that hardly learned would make a quotient of any size. `None` where they
+/// taught nothing, or a curve has no point.
+pub fn share_of_best(subset: &LearningCurve, best_single: &[LearningCurve]) -> Option<f64> {
     let untrained = |curve: &LearningCurve| curve.points.first().map_or(f64::NAN, |point| point.score);
-    let start = mean(&[untrained(subset), untrained(best_single)]);
-    let way = best_single.end.score - start;
-    if way > 0.0 { (subset.end.score - start) / way } else { f64::NAN }
+    let starts: Vec<Score> = best_single.iter().chain([subset]).map(untrained).collect();
+    let ends: Vec<Score> = best_single.iter().map(|curve| curve.end.score).collect();
+    let start = mean(&starts);
+    let way = mean(&ends) - start;
+    (way > 0.0).then(|| (subset.end.score - start) / way).filter(|share| share.is_finite())
 }
 
 #[cfg(test)]
@@ -105,7 +108,14 @@ mod tests {
         assert_eq!(against_random(2.0, &[1.0, 2.0, 4.0, 1.0]), AgainstRandom { gain: 0.0, beaten: 0.625 });
         assert!(against_random(2.0, &[]).gain.is_nan());
         // From −2 to −0.5 is three quarters of the way from −2 to 0.
-        assert_eq!(share_of_best(&curve(&[-2.0, -1.0, -0.5]), &curve(&[-2.0, 0.0])), 0.75);
-        assert!(share_of_best(&curve(&[-2.0, -0.5]), &curve(&[-2.0, -3.0])).is_nan());
+        let kept = curve(&[-2.0, -1.0, -0.5]);
+        assert_eq!(share_of_best(&kept, &[curve(&[-2.0, 0.0])]), Some(0.75));
+        assert_eq!(
+            share_of_best(&kept, &[curve(&[-2.0, -1.75]), curve(&[-2.0, -0.25])]),
+            Some(1.5),
+            "of the mean"
+        );
+        assert_eq!(share_of_best(&kept, &[curve(&[-2.0, -3.0])]), None);
+        assert_eq!(share_of_best(&kept, &[]), None);
     }
 }

@@ -66,8 +66,9 @@ pub struct Worth {
     pub score: Score,
     /// The demonstration that teaches best alone, the first of equals.
     pub best_alone: DemoId,
-    /// How much of the way to the best one's policy it went, the mean over repeats; see [`gain::share_of_best`].
-    pub share_of_best: f64,
+    /// How much of the way to the mean of the best one's policies it went, if that one taught anything; see
+    /// [`gain::share_of_best`].
+    pub share_of_best: Option<f64>,
     /// The same heuristic from random subsets of as many demonstrations.
     pub random: Vec<Score>,
     /// It beside these, if there are any.
@@ -104,13 +105,11 @@ pub fn best(alone: &[Alone]) -> Option<DemoId> {
 
 /// Compares the policy from the kept demonstrations with those from the best one alone and from random subsets.
 pub fn worth(kept: &LearningCurve, best: DemoId, its_curves: &[LearningCurve], random: Vec<Score>) -> Worth {
-    let shares = its_curves.iter().map(|alone| gain::share_of_best(kept, alone));
-    let shares: Vec<f64> = shares.filter(|share| share.is_finite()).collect();
     let score = kept.end.score;
     Worth {
         score,
         best_alone: best,
-        share_of_best: statistics::mean(&shares),
+        share_of_best: gain::share_of_best(kept, its_curves),
         against_random: (!random.is_empty()).then(|| gain::against_random(score, &random)),
         random,
     }

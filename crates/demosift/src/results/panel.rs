@@ -335,10 +335,21 @@ fn agreement_of(repeats: &[Vec<f64>]) -> Option<f64> {
 const SHUFFLES: usize = 999;
 const CHANCE: f64 = 0.05;
 
-/// Whether the test below can find anything: repeats that agree in everything do so by chance in one of (n!)^(repeats − 1) cases.
+/// Whether the test below can find anything: repeats that agree in everything do so by chance in one of as many cases as the
+/// orders of all but one of them come to.
 fn can_be_more_than_chance(repeats: &[Vec<f64>]) -> bool {
-    let orders: f64 = (1..=repeats[0].len()).map(|place| place as f64).product();
-    orders.powi(repeats.len() as i32 - 1).recip() <= CHANCE
+    let each: Vec<f64> = repeats.iter().map(|repeat| logarithm_of_orders(repeat)).collect();
+    let most = each.iter().copied().fold(0.0, f64::max);
+    most - each.iter().sum::<f64>() <= CHANCE.ln()
+}
+
+/// The logarithm of how many orders of some scores can be told apart, n! / ∏ t! for t that are alike: where only one succeeded, n.
+fn logarithm_of_orders(scores: &[f64]) -> f64 {
+    let mut sorted = scores.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let of_all = |count: usize| (1..=count).map(|place| (place as f64).ln()).sum::<f64>();
+    let alike: f64 = sorted.chunk_by(|one, other| one == other).map(|alike| of_all(alike.len())).sum();
+    of_all(scores.len()) - alike
 }
 
 /// A permutation test: who was imitated is shuffled in every repeat, each by itself.

@@ -32,7 +32,8 @@ pub struct Standing {
     pub of: usize,
     /// The probability that it belongs to the K best of them, K being how many the earlier run keeps.
     pub top: f64,
-    /// Whether it would be kept; `None` where the earlier run kept by weights, which only all demonstrations together have.
+    /// Whether it would be kept; `None` where only all demonstrations together tell: where the earlier run kept by weights, or
+    /// by its probabilities ([`Keep::Auto`]) and this judge was asked about a part of them.
     pub kept: Option<bool>,
 }
 
@@ -41,8 +42,10 @@ pub struct Standing {
 pub struct Kept {
     /// By which rule.
     pub keep: Keep,
-    /// How many.
+    /// How many of those that the judge was asked about.
     pub count: usize,
+    /// Whether it was asked about all.
+    pub of_all: bool,
 }
 
 /// What one judge found of the earlier demonstrations and of the new ones.
@@ -96,10 +99,11 @@ fn standing(by_judge: &[Beside<'_>], kept: Kept, demo: DemoId) -> Result<Standin
     let place = ranking.iter().position(|entry| entry.demo == added).expect("it was added") + 1;
     let is_kept = match kept.keep {
         Keep::Weights => None,
-        Keep::Auto => Some(doubts.worth_keeping().contains(&added)),
+        Keep::Auto => kept.of_all.then(|| doubts.worth_keeping().contains(&added)),
         Keep::Quarter | Keep::Count(_) => Some(place <= kept.count),
     };
-    let top = doubt.top.at(kept.count.clamp(1, ranking.len())).unwrap_or(f64::NAN);
+    // None of those near a cut may be above it.
+    let top = doubt.top.at(kept.count.min(ranking.len())).unwrap_or(0.0);
     Ok(Standing {
         demo,
         gain: doubt.gain,
@@ -138,7 +142,8 @@ mod tests {
         let earlier = table(&[3.0, 1.0, 2.0, 0.5]);
         let (seed, new) = (Seed::new(1), table(&[2.5, 0.0, 9.0]));
         let beside = Beside { earlier: &earlier, new: &new, seed: &seed };
-        let of = |keep, count| standings(&[beside], Kept { keep, count }).expect("whole tables");
+        let of =
+            |keep, count| standings(&[beside], Kept { keep, count, of_all: true }).expect("whole tables");
         let found = of(Keep::Quarter, 1);
         let places: Vec<_> = found.iter().map(|of| (of.place, of.of, of.kept)).collect();
         assert_eq!(places, [(2, 5, Some(false)), (5, 5, Some(false)), (1, 5, Some(true))]);
@@ -155,6 +160,18 @@ mod tests {
         let auto = of(Keep::Auto, 1);
         assert_eq!(auto[2].kept, Some(true));
         assert_eq!(auto[1].kept, Some(false));
+
+        let of_part = |keep, count| {
+            let kept = Kept { keep, count, of_all: false };
+            standings(&[beside], kept).expect("whole tables").remove(2)
+        };
+        assert_eq!(
+            of_part(Keep::Auto, 1).kept,
+            None,
+            "the best of those near the cut may be far from the best"
+        );
+        let none_above = of_part(Keep::Count(1), 0);
+        assert_eq!((none_above.kept, none_above.top), (Some(false), 0.0));
     }
 
     #[test]
@@ -167,7 +184,8 @@ mod tests {
         new.suitabilities[0].before = vec![vec![0.0; 2]];
         let seed = Seed::new(1);
         let beside = Beside { earlier: &earlier, new: &new, seed: &seed };
-        let found = standings(&[beside], Kept { keep: Keep::Quarter, count: 1 }).expect("whole tables");
+        let found =
+            standings(&[beside], Kept { keep: Keep::Quarter, count: 1, of_all: true }).expect("whole tables");
         assert_eq!(
             found[0].gain,
             select::rank(&earlier).entries[1].gain,
@@ -180,7 +198,7 @@ mod tests {
         let earlier = table(&[3.0, 1.0]);
         let mut new = table(&[2.0]);
         new.suitabilities[0].after[0].push(1.0);
-        let (seed, kept) = (Seed::new(1), Kept { keep: Keep::Quarter, count: 1 });
+        let (seed, kept) = (Seed::new(1), Kept { keep: Keep::Quarter, count: 1, of_all: true });
         let of = |earlier, new| standings(&[Beside { earlier, new, seed: &seed }], kept);
         let error = of(&earlier, &new).expect_err("another number of evaluations");
         assert!(error.is_bad_input() && error.to_string().contains("2 evaluations"), "{error}");
@@ -196,7 +214,8 @@ mod tests {
             Beside { earlier: &one, new: &new_to_one, seed: &seed },
             Beside { earlier: &other, new: &new_to_other, seed: &seed },
         ];
-        let found = standings(&by_judge, Kept { keep: Keep::Quarter, count: 1 }).expect("whole tables");
+        let found =
+            standings(&by_judge, Kept { keep: Keep::Quarter, count: 1, of_all: true }).expect("whole tables");
         assert_eq!((found[0].place, found[0].of, found[0].kept), (1, 4, Some(true)));
         assert!((found[0].gain - (4.06 + 1.06 - 0.1) / 2.0).abs() < 0.1, "{}", found[0].gain);
     }

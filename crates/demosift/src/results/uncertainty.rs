@@ -143,14 +143,16 @@ impl Uncertainty {
     /// Says why the intervals are too narrow, if they are.
     pub fn caveat(&self) -> Option<String> {
         let (what, key) = match (self.repeats, self.evaluations) {
-            (1, 1) => ("imitated once and evaluated on one episode", "judge.repeats and judge.evaluations"),
-            (1, _) => ("imitated once", "judge.repeats"),
-            (_, 1) => ("evaluated on one episode", "judge.evaluations"),
+            (1, 1) => ("imitated once and evaluated on one episode", "repeats and evaluations"),
+            (1, _) => ("imitated once", "repeats"),
+            (_, 1) => ("evaluated on one episode", "evaluations"),
             _ => return None,
         };
+        // Two judges may decide together, and the one with fewer is not known here.
         Some(format!(
             "Each demonstration was {what}, so what another try would change is not in these intervals and \
-             probabilities: they look surer than they are. With {key} of 2 or more they are honest."
+             probabilities: they look surer than they are. With {key} of 2 or more in judge, cloning_judge.judging or \
+             trainer_judge, whichever decides, they are honest."
         ))
     }
 

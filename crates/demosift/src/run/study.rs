@@ -397,6 +397,12 @@ impl Finished {
         self.cells().filter_map(failed).collect()
     }
 
+    /// Hash of the demonstrations of a set, and which episodes of them, once it was judged.
+    fn demonstrations_of(&self, set: &str) -> Option<&str> {
+        let judges = |cell: &&Cell| matches!(&cell.work, Work::Judging { set: of, .. } if of == set);
+        self.cells().find(judges).map(|cell| cell.fingerprint.set.as_str())
+    }
+
     /// What judging found, if it is finished and did not fail.
     pub fn judging(&self, set: &str, method: &str, seed: u64) -> Option<&JudgingResult> {
         let work = Work::Judging { set: set.to_owned(), method: method.to_owned(), seed };

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::axis::{Axis, Span};
-use super::{Grid, Line, Panel, Row, Stroke};
+use super::{COLORS, Grid, Line, Panel, Row, Stroke};
 
 /// Inside of a panel's axes.
 const WIDTH: f64 = 190.0;
@@ -28,7 +28,7 @@ const LETTER: f64 = 6.2;
 const TITLE_LETTER: f64 = 8.8;
 
 /// After Okabe and Ito; the light and the dark shade of each.
-const COLORS: [[&str; 2]; 7] = [
+const SHADES: [[&str; 2]; COLORS] = [
     ["#0072b2", "#56b4e9"],
     ["#d55e00", "#f0803c"],
     ["#009e73", "#2fc79a"],
@@ -36,6 +36,7 @@ const COLORS: [[&str; 2]; 7] = [
     ["#b58900", "#e6b422"],
     ["#cc79a7", "#e29cc3"],
     ["#5a4fcf", "#9a91f2"],
+    ["#1f2328", "#e6edf3"],
 ];
 
 /// The picture as the text of a file.
@@ -96,10 +97,11 @@ fn shared_legend(grid: &Grid) -> Option<Vec<&Line>> {
         }
     }
     lines.sort_by_key(|line| line.color);
-    let one_color = lines
+    let looks = |line: &Line| (line.color, line.stroke);
+    let alike = lines
         .iter()
-        .all(|named| grid.lines().all(|line| line.name != named.name || line.color == named.color));
-    (lines.len() <= SHARED && one_color).then_some(lines)
+        .all(|named| grid.lines().all(|line| line.name != named.name || looks(line) == looks(named)));
+    (lines.len() <= SHARED && alike).then_some(lines)
 }
 
 fn head(width: f64, height: f64, title: &str) -> String {
@@ -122,7 +124,7 @@ fn head(width: f64, height: f64, title: &str) -> String {
                 ".ground{fill:#0d1117}.ink{fill:#e6edf3}.soft{fill:#9198a1}.axis{stroke:#6e7681}.grid{stroke:#262c36}\n",
             );
         }
-        for (index, color) in COLORS.iter().enumerate() {
+        for (index, color) in SHADES.iter().enumerate() {
             let color = color[shade];
             let _ = writeln!(text, ".s{index}{{stroke:{color}}}.f{index}{{fill:{color}}}");
         }
@@ -279,7 +281,7 @@ fn class(line: &Line) -> String {
 }
 
 fn shade(line: &Line) -> usize {
-    line.color % COLORS.len()
+    line.color % COLORS
 }
 
 fn path(way: &[Place]) -> String {

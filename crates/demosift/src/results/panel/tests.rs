@@ -86,6 +86,10 @@ fn of_too_few_demonstrations_no_agreement_is_asked() {
     assert_eq!(vote(&[1.0, 2.0], 4), Some(Vote::TooFewToTell), "by chance in one of eight cases");
     assert_eq!(vote(&[1.0, 2.0], 6), Some(Vote::Counts), "in one of 32");
     assert_eq!(vote(&[1.0, 2.0, 3.0], 2), Some(Vote::TooFewToTell), "in one of six");
+    let ties = table(&[0.0, 0.0, 0.0, 0.0, 1.0], 0.0, 2, 1);
+    let judged_twice = judged(&ties, &table(&[1.0, 2.0, 3.0, 4.0, 5.0], 0.1, 4, 1));
+    let of_ties = judged_twice.of(Judge::Cloning).map(|opinion| opinion.vote);
+    assert_eq!(of_ties, Some(Vote::TooFewToTell), "only one succeeds, so both agree in one of five cases");
     assert_eq!(vote(&[1.0, 2.0, 3.0], 3), Some(Vote::Counts), "in one of 36");
     assert_eq!(vote(&[-1.0, -2.0], 4), Some(Vote::TaughtNothing));
     let (clear, once) = (table(&[1.0, 2.0], 0.01, 4, 1), table(&[0.2, 0.1], 0.01, 1, 2));

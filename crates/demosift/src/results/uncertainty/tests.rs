@@ -128,9 +128,9 @@ fn one_repeat_is_said_to_be_too_narrow_and_is() {
         uncertainty(&table, &Resampling::default(), &Seed::new(1)).unwrap()
     };
     let once = judge(sized(1, 20));
-    assert!(once.too_narrow && once.caveat().unwrap().contains("judge.repeats of 2 or more"));
-    assert!(judge(sized(2, 1)).caveat().unwrap().contains("judge.evaluations of 2 or more"));
-    assert!(judge(sized(1, 1)).caveat().unwrap().contains("judge.repeats and judge.evaluations"));
+    assert!(once.too_narrow && once.caveat().unwrap().contains("With repeats of 2 or more in judge, "));
+    assert!(judge(sized(2, 1)).caveat().unwrap().contains("With evaluations of 2 or more"));
+    assert!(judge(sized(1, 1)).caveat().unwrap().contains("With repeats and evaluations of"));
     let twice = judge(sized(2, 20));
     assert!(!twice.too_narrow && twice.caveat().is_none());
 }

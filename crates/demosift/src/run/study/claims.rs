@@ -5,11 +5,13 @@ use serde::Serialize;
 use super::choice::Kept;
 use super::curves::{self, Trained};
 use super::drawn::{By, Claim, Measure, WHOLE};
-use super::estimate::{Difference, ENOUGH_SEEDS, paired_difference};
+use super::estimate::{Difference, paired_difference};
 use super::parts::Set;
-use super::plan::Study;
+use super::plan::{Judge, Study};
+use super::truth::Truth;
 use super::{Finished, TrainingResult};
 use crate::learning::adapt::Rule;
+use crate::world::heuristic::Score;
 
 /// A claim with all that was measured of it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -63,7 +65,7 @@ pub enum Said {
 impl Said {
     fn of(difference: Option<&Difference>) -> Self {
         match difference {
-            Some(difference) if difference.pairs >= ENOUGH_SEEDS => {
+            Some(difference) if difference.can_decide() => {
                 match (difference.is_separable(), difference.mean > 0.0) {
                     (false, _) => Self::NotSeparable,
                     (true, true) => Self::Agrees,
@@ -94,7 +96,8 @@ fn decided(study: &Study, claim: &Claim, finished: &Finished) -> Decided {
         for than in &claim.than {
             match claim.measure {
                 Measure::Distance => cases.push(by_distance(set, claim, than, finished)),
-                Measure::Score | Measure::Success => {
+                Measure::Agreement => cases.extend(by_agreement(study, set, claim, than, finished)),
+                Measure::Score | Measure::Best | Measure::Success => {
                     let imitators = study.drawn.curves.as_ref().map_or(&[][..], |curves| &curves.imitators);
                     let each =
                         imitators.iter().flat_map(|imitator| at.iter().map(move |at| (*imitator, *at)));
@@ -160,7 +163,13 @@ impl Sides<'_> {
             Some(of_other) => format!("{k}, beside {}", label(of_other, self.set)),
             None => k,
         };
-        case(self.set, Names::of(&self.claim.better, than), Some(kept), Some(self.imitator), &pairs)
+        case(
+            self.set,
+            Names::of(&self.claim.better, than),
+            Some(kept),
+            Some(self.imitator),
+            paired_difference(&pairs),
+        )
     }
 
     fn trained<'f>(&self, name: &str, kept: Kept, finished: &'f Finished) -> Vec<Trained<'f>> {
@@ -171,7 +180,10 @@ impl Sides<'_> {
     fn value(&self, result: &TrainingResult) -> Option<f64> {
         match self.claim.measure {
             Measure::Success => result.end.success,
-            _ => Some(result.end.score),
+            Measure::Best => Some(result.chosen.score),
+            Measure::Score => Some(result.end.score),
+            // These are about no policy.
+            Measure::Distance | Measure::Agreement => None,
         }
     }
 }
@@ -197,9 +209,14 @@ impl Names {
     }
 }
 
-fn case(set: &Set, names: Names, kept: Option<String>, imitator: Option<Rule>, pairs: &[(f64, f64)]) -> Case {
+fn case(
+    set: &Set,
+    names: Names,
+    kept: Option<String>,
+    imitator: Option<Rule>,
+    difference: Option<Difference>,
+) -> Case {
     let Names { better, than } = names;
-    let difference = paired_difference(pairs);
     let found = Said::of(difference.as_ref());
     Case { set: set.name.clone(), imitator, kept, better, than, difference, found }
 }
@@ -210,5 +227,22 @@ fn by_distance(set: &Set, claim: &Claim, than: &str, finished: &Finished) -> Cas
         |name: &str, seed| Some(finished.judging(&set.name, name, seed)?.adapted_behaviors_distance);
     let pair = |seed| Some((distance(than, seed)?, distance(&claim.better, seed)?));
     let pairs: Vec<(f64, f64)> = set.seeds.each().filter_map(pair).collect();
-    case(set, Names::of(&claim.better, than), None, None, &pairs)
+    case(set, Names::of(&claim.better, than), None, None, paired_difference(&pairs))
+}
+
+/// With each oracle that both sides may be held against.
+fn by_agreement(study: &Study, set: &Set, claim: &Claim, than: &str, finished: &Finished) -> Vec<Case> {
+    let (Some(one), Some(other)) = (study.method(&claim.better), study.method(than)) else {
+        return Vec::new();
+    };
+    let may = |imitator: &&Rule| [one, other].iter().all(|of| study.may_be_held_against(of, **imitator));
+    let of = |imitator: &Rule| {
+        let scores = |method: &Judge, seed| study.scores(set, method, seed, finished);
+        let pair = |seed| Some([scores(one, seed)?, scores(other, seed)?]);
+        let pairs: Vec<[Vec<Score>; 2]> = set.seeds.each().filter_map(pair).collect();
+        let truth = Truth::oracle(study, set, *imitator, finished);
+        let difference = truth.and_then(|truth| truth.compared(&pairs));
+        case(set, Names::of(&claim.better, than), None, Some(*imitator), difference)
+    };
+    study.oracle.iter().filter(may).map(of).collect()
 }

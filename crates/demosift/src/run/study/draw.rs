@@ -1,5 +1,7 @@
 //! What is finished of a study as figures in the layout of the paper's: a row for each set, a column for each method.
 
+use std::collections::BTreeMap;
+
 use super::Finished;
 use super::choice::{Kept, TopK};
 use super::curves::{self, Course, Followed};
@@ -8,7 +10,7 @@ use super::parts::Set;
 use super::plan::Study;
 use crate::learning::adapt::Rule;
 use crate::math::statistics;
-use crate::results::figure::{Grid, Line, Panel, Row, Stroke};
+use crate::results::figure::{COLORS, Grid, Line, Panel, Row, Stroke};
 
 /// What a policy scores before it learns is far below what is compared, so that learning curves are fitted from here on.
 const SETTLED_FROM: f64 = 0.25;
@@ -95,11 +97,13 @@ fn rows(study: &Study, figure: &Figure, set: &Set, methods: &[&str], finished: &
             imitators.iter().map(of).collect()
         }
         Draws::Adaptation => {
-            vec![row(name, score, &|method| followed(curves::of_adaptations(set, method, finished)))]
+            let of = |method: &&str| curves::of_adaptations(set, method, finished);
+            vec![Row { title: name, y_label: score, panels: followed(methods.iter().map(of)) }]
         }
         Draws::Weights => {
-            let panel = |method: &str| followed(curves::of_weights(set, method, finished));
-            vec![row(name, "weight".to_owned(), &panel)]
+            let of = |method: &&str| curves::of_weights(set, method, finished);
+            let panels = followed(methods.iter().map(of));
+            vec![Row { title: name, y_label: "weight".to_owned(), panels }]
         }
         Draws::Bodies => vec![row(name, score, &|method| bodies(study, set, method, finished))],
     }
@@ -151,15 +155,34 @@ fn line(name: String, color: usize, stroke: Stroke, course: Course) -> Line {
     Line { name, color, stroke, x: at, mean, deviation, seeds }
 }
 
-/// The best and the worst demonstrations, the worst broken.
-fn followed(all: Vec<Followed>) -> Panel {
-    let shown = curves::both_ends(all);
-    let half = shown.len().div_ceil(2);
-    let of = |(place, followed): (usize, Followed)| {
-        let stroke = if place < half { Stroke::Solid } else { Stroke::Dashed };
-        line(format!("demo {}", followed.demo), place, stroke, followed.course)
+/// A panel for each method: the best and the worst demonstrations, the worst broken, a demonstration in one color throughout.
+fn followed(methods: impl Iterator<Item = Vec<Followed>>) -> Vec<Panel> {
+    let shown: Vec<Vec<Followed>> = methods.map(curves::both_ends).collect();
+    let demos: Vec<Vec<usize>> =
+        shown.iter().map(|panel| panel.iter().map(|followed| followed.demo).collect()).collect();
+    let colors = colors(&demos);
+    let panel = |shown: Vec<Followed>| {
+        let half = shown.len().div_ceil(2);
+        let of = |(place, followed): (usize, Followed)| {
+            let stroke = if place < half { Stroke::Solid } else { Stroke::Dashed };
+            line(format!("demo {}", followed.demo), colors[&followed.demo], stroke, followed.course)
+        };
+        Panel { lines: shown.into_iter().enumerate().map(of).collect() }
     };
-    Panel { lines: shown.into_iter().enumerate().map(of).collect() }
+    shown.into_iter().map(panel).collect()
+}
+
+/// A color for each demonstration of a row of panels: one of its own while there are any, then one that none has beside it.
+fn colors(panels: &[Vec<usize>]) -> BTreeMap<usize, usize> {
+    let mut colors: BTreeMap<usize, usize> = BTreeMap::new();
+    for demo in panels.iter().flatten() {
+        let beside = panels.iter().filter(|panel| panel.contains(demo)).flatten();
+        let taken: Vec<usize> = beside.filter_map(|other| colors.get(other).copied()).collect();
+        let own = (0..COLORS).find(|color| !colors.values().any(|used| used == color));
+        let shared = (0..).find(|color| !taken.contains(color)).expect("colors do not end");
+        colors.entry(*demo).or_insert(own.unwrap_or(shared));
+    }
+    colors
 }
 
 /// The score of each demonstration by its rank, those of another body marked.
@@ -192,4 +215,21 @@ fn bodies(study: &Study, set: &Set, method: &str, finished: &Finished) -> Panel 
         }
     };
     Panel { lines: [false, true].map(of).into_iter().filter(|line| !line.x.is_empty()).collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_demonstration_has_one_color_and_shares_it_with_none_beside_it() {
+        let panels = [vec![6, 7, 4, 5, 0, 8], vec![6, 4, 7, 0, 5, 8], vec![9, 6, 7, 1, 2, 8]];
+        let colors = colors(&panels);
+        assert_eq!([6, 7, 4, 5, 0, 8, 9, 1].map(|demo| colors[&demo]), [0, 1, 2, 3, 4, 5, 6, 7]);
+        assert_eq!(colors[&2], 2, "no color is left, so that of one with which it shares no panel");
+        for panel in &panels {
+            let distinct: std::collections::BTreeSet<usize> = panel.iter().map(|demo| colors[demo]).collect();
+            assert_eq!(distinct.len(), panel.len(), "{panel:?}: {colors:?}");
+        }
+    }
 }

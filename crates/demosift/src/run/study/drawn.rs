@@ -142,10 +142,21 @@ pub enum Measure {
     /// The score of the policy at the end of its training; higher is better.
     #[default]
     Score,
-    /// The share of its episodes that succeed; higher is better.
+    /// The score of the best policy in the course of its training, on episodes that did not choose it; higher is better.
+    Best,
+    /// The share of the last policy's episodes that succeed; higher is better.
     Success,
     /// The adapted behaviors distance (Table 1); lower is better, and K means nothing.
     Distance,
+    /// Spearman's correlation of a ranking with the oracles; higher is better, and K means nothing.
+    Agreement,
+}
+
+impl Measure {
+    /// Whether it is about policies that learned from what is kept.
+    pub fn is_of_policies(self) -> bool {
+        matches!(self, Self::Score | Self::Best | Self::Success)
+    }
 }
 
 /// The whole set, in the place of a method.

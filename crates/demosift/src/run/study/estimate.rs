@@ -9,7 +9,10 @@ use serde::{Deserialize, Serialize};
 
 use super::curves::deviation;
 use crate::basics::seed::Seed;
-use crate::math::statistics::{mean, mean_at, mean_of, mean_or_zero, quantile, resample, standard_error};
+use crate::math::statistics::{
+    mean, mean_at, mean_of, mean_or_zero, quantile, resample, squared_deviations, standard_error,
+    student_quantile,
+};
 
 /// How sure an interval is.
 pub const LEVEL: f64 = 0.95;
@@ -79,7 +82,9 @@ pub struct Difference {
     pub interval: Option<[f64; 2]>,
     /// Standard error of the mean difference, from two pairs on.
     pub standard_error: Option<f64>,
-    /// Pairs.
+    /// Degrees of freedom of that error.
+    pub freedom: f64,
+    /// Pairs; over several sets those of the set that has the fewest.
     pub pairs: usize,
 }
 
@@ -87,6 +92,18 @@ impl Difference {
     /// Whether the interval is without 0.
     pub fn is_separable(&self) -> bool {
         self.interval.is_some_and(|[low, high]| low > 0.0 || high < 0.0)
+    }
+
+    /// Whether there is enough to decide anything.
+    pub fn can_decide(&self) -> bool {
+        self.pairs >= ENOUGH_SEEDS && self.interval.is_some()
+    }
+
+    /// With the interval of an error; without an error, or a degree of freedom, there is none.
+    fn with_error(mean: f64, error: Option<f64>, freedom: f64, pairs: usize) -> Self {
+        let half = error.and_then(|error| Some(error * student_quantile((1.0 - LEVEL) / 2.0, freedom)?));
+        let interval = half.map(|half| [mean - half, mean + half]);
+        Self { mean, interval, standard_error: error, freedom, pairs }
     }
 }
 
@@ -97,72 +114,56 @@ pub fn paired_difference(pairs: &[(f64, f64)]) -> Option<Difference> {
     }
     let differences: Vec<f64> = pairs.iter().map(|(one, other)| one - other).collect();
     let (center, count) = (mean(&differences), differences.len());
-    let standard_error = (count > 1).then(|| standard_error(&differences));
-    let half = standard_error.map(|error| error * t_quantile(count - 1));
-    let interval = half.map(|half| [center - half, center + half]);
-    Some(Difference { mean: center, interval, standard_error, pairs: count })
+    let error = (count > 1).then(|| standard_error(&differences));
+    Some(Difference::with_error(center, error, (count - 1) as f64, count))
+}
+
+/// The mean difference of pairs that are held against a truth which was drawn as well, `[truth's seeds][pairs]`, each row with one
+/// of the truth's seeds left out; `None` of nothing.
+///
+/// Its error holds the luck of the pairs and, by the jackknife, that of the truth, whose luck is the same in all pairs and does not
+/// shrink with their number: s² = Var(pairs)/n + (m − 1)/m Σ (θ₋ᵢ − θ̄)², with the degrees of freedom of Welch and Satterthwaite.
+/// There is no interval where the truth has one seed, whose luck nobody knows.
+pub fn difference_beside_drawn(left_out: &[Vec<f64>]) -> Option<Difference> {
+    let pairs = left_out.first().map(Vec::len).filter(|pairs| *pairs > 0)?;
+    let by_pair: Vec<f64> = (0..pairs).map(|pair| mean_of(left_out.iter().map(|row| row[pair]))).collect();
+    let center = mean(&by_pair);
+    if left_out.len() < 2 || pairs < 2 {
+        return Some(Difference::with_error(center, None, 0.0, pairs));
+    }
+    let (rows, own) = (left_out.len() as f64, standard_error(&by_pair).powi(2));
+    let by_truth: Vec<f64> = left_out.iter().map(|row| mean(row)).collect();
+    let of_truth = (rows - 1.0) / rows * squared_deviations(&by_truth);
+    let fourths = own.powi(2) / (pairs - 1) as f64 + of_truth.powi(2) / (rows - 1.0);
+    let freedom = if fourths > 0.0 { (own + of_truth).powi(2) / fourths } else { (pairs - 1) as f64 };
+    Some(Difference::with_error(center, Some((own + of_truth).sqrt()), freedom, pairs))
 }
 
 /// The mean of differences that were found on sets of their own, which are what they are and no sample; one set counts as
 /// much as another. `None` where no set has an error.
 ///
 /// The interval is by Student's t with the degrees of freedom of Welch and Satterthwaite, so that few seeds stay few however
-/// many sets they judge: (Σ s²)² / Σ s⁴/(n − 1) for standard errors s of n pairs.
+/// many sets they judge: (Σ s²)² / Σ s⁴/d for standard errors s with d degrees of freedom.
 pub fn over_sets(differences: &[Difference]) -> Option<OverSets> {
-    let known: Vec<(f64, f64, usize)> =
-        differences.iter().filter_map(|of| Some((of.mean, of.standard_error?, of.pairs))).collect();
-    if known.is_empty() {
-        return None;
-    }
-    let count = known.len() as f64;
-    let center = mean_of(known.iter().map(|(mean, ..)| *mean));
-    let squares: f64 = known.iter().map(|(_, error, _)| error.powi(2)).sum();
-    let fourths: f64 = known.iter().map(|(_, error, pairs)| error.powi(4) / (pairs - 1) as f64).sum();
-    let error = squares.sqrt() / count;
-    let degrees = if fourths > 0.0 { (squares.powi(2) / fourths) as usize } else { 1 };
-    let half = error * t_quantile(degrees.max(1));
-    let difference = Difference {
-        mean: center,
-        interval: Some([center - half, center + half]),
-        standard_error: Some(error),
-        pairs: known.iter().map(|(.., pairs)| pairs).sum(),
-    };
+    let known: Vec<(&Difference, f64)> =
+        differences.iter().filter_map(|of| Some((of, of.standard_error?))).collect();
+    let fewest = known.iter().map(|(of, _)| of.pairs).min()?;
+    let squares: f64 = known.iter().map(|(_, error)| error.powi(2)).sum();
+    let fourths: f64 = known.iter().map(|(of, error)| error.powi(4) / of.freedom).sum();
+    let freedom = if fourths > 0.0 { squares.powi(2) / fourths } else { 1.0 };
+    let error = squares.sqrt() / known.len() as f64;
+    let center = mean_of(known.iter().map(|(of, _)| of.mean));
+    let difference = Difference::with_error(center, Some(error), freedom, fewest);
     Some(OverSets { difference, sets: known.len() })
 }
 
 /// A difference over several sets.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OverSets {
-    /// With the pairs of all sets.
+    /// With the pairs of the set that has the fewest.
     pub difference: Difference,
     /// How many sets there are.
     pub sets: usize,
-}
-
-/// The 97.5 % quantile of Student's t: stored for few degrees of freedom, by the expansion of Cornish and Fisher for more.
-fn t_quantile(degrees: usize) -> f64 {
-    const STORED: [f64; 12] = [
-        12.706204736174694,
-        4.302652729749462,
-        3.1824463052837078,
-        2.7764451051977934,
-        2.5705818356363146,
-        2.4469118511449786,
-        2.364624251592784,
-        2.306004135204166,
-        2.262157162798205,
-        2.228138851986274,
-        2.200985160091639,
-        2.1788128296672284,
-    ];
-    if let Some(stored) = degrees.checked_sub(1).and_then(|index| STORED.get(index)) {
-        return *stored;
-    }
-    let (z, n) = (1.959_963_984_540_054_f64, degrees as f64);
-    let first = (z.powi(3) + z) / 4.0;
-    let second = (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / 96.0;
-    let third = (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / 384.0;
-    z + first / n + second / n.powi(2) + third / n.powi(3)
 }
 
 #[cfg(test)]
@@ -176,17 +177,6 @@ mod tests {
     const TTEST_REL: [[f64; 3]; 2] = [
         [0.05100000000000001, 0.01670097579066456, 0.08529902420933547],
         [0.04333333333333337, -0.09792071635270774, 0.18458738301937447],
-    ];
-    const T_975: [(usize, f64); 9] = [
-        (1, 12.706204736174694),
-        (2, 4.302652729749462),
-        (5, 2.5705818356363146),
-        (9, 2.262157162798205),
-        (12, 2.1788128296672284),
-        (13, 2.1603686564627913),
-        (20, 2.085963447265864),
-        (30, 2.0422724563012378),
-        (99, 1.9842169515864174),
     ];
 
     #[test]
@@ -204,13 +194,6 @@ mod tests {
         let alone = paired_difference(&pairs[..1]).expect("some");
         assert!(alone.interval.is_none() && !alone.is_separable());
         assert!(paired_difference(&[]).is_none());
-    }
-
-    #[test]
-    fn the_quantile_of_t_agrees_with_scipy() {
-        for (degrees, wanted) in T_975 {
-            assert!((t_quantile(degrees) - wanted).abs() < 1e-4, "{degrees}: {}", t_quantile(degrees));
-        }
     }
 
     /// Every way to draw three values with replacement, by brute force.
@@ -232,18 +215,56 @@ mod tests {
 
     #[test]
     fn sets_count_alike_and_few_seeds_stay_few() {
-        let of = |mean, standard_error, pairs| Difference { mean, interval: None, standard_error, pairs };
+        let of = |mean, standard_error, pairs: usize| Difference {
+            mean,
+            interval: None,
+            standard_error,
+            freedom: pairs as f64 - 1.0,
+            pairs,
+        };
         let found =
             over_sets(&[of(0.1, Some(0.03), 10), of(0.3, Some(0.04), 10), of(9.0, None, 1)]).expect("two");
         assert!((found.difference.mean - 0.2).abs() < 1e-12);
         assert!((found.difference.standard_error.expect("known") - 0.025).abs() < 1e-12);
-        assert!(found.difference.is_separable() && found.sets == 2 && found.difference.pairs == 20);
+        assert!(found.difference.is_separable() && found.sets == 2 && found.difference.pairs == 10);
         // One set alone has the interval that it has by itself; sets without any spread add no certainty.
         let pairs: Vec<(f64, f64)> = ONE.into_iter().zip(OTHER).take(3).collect();
         let alone = paired_difference(&pairs).expect("some");
         assert_eq!(over_sets(&[alone]).expect("one").difference, alone);
         let with_ties = over_sets(&[alone, of(0.0, Some(0.0), 3)]).expect("two").difference;
         let half = |of: Difference| of.interval.map(|[low, high]| high - low).expect("known");
-        assert!((half(with_ties) - half(alone) / 2.0).abs() < 1e-12);
+        assert!((half(with_ties) - half(alone) / 2.0).abs() < 1e-9);
+        // Many sets of two seeds are no ten pairs.
+        let two = paired_difference(&[(0.9, 0.7), (0.8, 0.6)]).expect("two pairs");
+        let many = over_sets(&[two; 5]).expect("five sets").difference;
+        assert!(many.pairs == 2 && !many.can_decide());
+        // Whatever their number and errors, one set alone keeps its degrees of freedom.
+        for count in 2..=10 {
+            let pairs: Vec<(f64, f64)> = ONE.into_iter().zip(OTHER).take(count).collect();
+            let alone = paired_difference(&pairs).expect("some");
+            assert!(
+                (half(over_sets(&[alone]).expect("one").difference) - half(alone)).abs() < 1e-9,
+                "{count}"
+            );
+        }
+    }
+
+    /// Rows of the same differences but for what the truth's seeds shift all of them by.
+    #[test]
+    fn what_a_drawn_truth_shifts_does_not_shrink_with_the_pairs() {
+        let differences: Vec<f64> = ONE.into_iter().zip(OTHER).map(|(one, other)| one - other).collect();
+        let shifted = |by: f64| differences.iter().map(|of| of + by).collect::<Vec<f64>>();
+        let width = |of: &Difference| of.interval.map(|[low, high]| high - low).expect("known");
+        let same = difference_beside_drawn(&[shifted(0.0), shifted(0.0), shifted(0.0)]).expect("some");
+        let pairs: Vec<(f64, f64)> = ONE.into_iter().zip(OTHER).collect();
+        let plain = paired_difference(&pairs).expect("some");
+        assert!((same.mean - plain.mean).abs() < 1e-12 && (width(&same) - width(&plain)).abs() < 1e-9);
+        let drawn = difference_beside_drawn(&[shifted(0.1), shifted(-0.1), shifted(0.0)]).expect("some");
+        // The jackknife of 0.1, -0.1 and 0: 2/3 of 0.02.
+        let wanted = (plain.standard_error.expect("known").powi(2) + 2.0 / 3.0 * 0.02).sqrt();
+        assert!((drawn.standard_error.expect("known") - wanted).abs() < 1e-12, "{drawn:?}");
+        assert!(plain.is_separable() && !drawn.is_separable());
+        let alone = difference_beside_drawn(&[shifted(0.0)]).expect("some");
+        assert!(alone.interval.is_none() && alone.pairs == 10 && !alone.can_decide());
     }
 }

@@ -135,6 +135,15 @@ impl Study {
         self.methods.iter().find(|method| method.name == name)
     }
 
+    /// Whether a method, or what it is made of, may be held against an oracle by this imitator: what clones is not held against
+    /// cloning.
+    pub(super) fn may_be_held_against(&self, method: &Judge, oracle: adapt::Rule) -> bool {
+        let is_made_of = |name: &String| self.method(name).is_some_and(|part| part.clones);
+        let clones =
+            method.clones || method.combination.as_ref().is_some_and(|of| of.of.iter().any(is_made_of));
+        !(clones && oracle == adapt::Rule::BehavioralCloning)
+    }
+
     /// The set on which the prior of some work is learned, where that is not the set that is judged.
     pub fn lender(&self, work: &Work) -> Option<&str> {
         let (Work::Judging { method, .. } | Work::Weighing { method, .. }) = work else { return None };

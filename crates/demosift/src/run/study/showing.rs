@@ -65,13 +65,16 @@ impl Study {
     }
 
     fn check_claim(&self, claim: &Claim) -> Result<()> {
-        self.check_methods(std::slice::from_ref(&claim.better), &[WHOLE])?;
-        match claim.measure {
-            Measure::Distance => self.check_methods(&claim.than, &[])?,
-            Measure::Score | Measure::Success => self.check_methods(&claim.than, &[WHOLE])?,
-        }
+        let wants_k = claim.measure.is_of_policies();
+        let also: &[&str] = if wants_k { &[WHOLE] } else { &[] };
+        self.check_methods(std::slice::from_ref(&claim.better), also)?;
+        self.check_methods(&claim.than, also)?;
         self.check_sets(&claim.sets)?;
-        let wants_k = claim.measure != Measure::Distance;
+        if claim.measure == Measure::Agreement && self.oracle.is_empty() {
+            return Err(Error::bad_config(
+                "it is about agreement, and the study has no [oracle] to agree with",
+            ));
+        }
         if claim.than.is_empty() || wants_k == claim.at.is_empty() {
             let what = if wants_k { "than and at, which may not be empty" } else { "than, and no at" };
             return Err(Error::bad_config(format!("it needs {what}")));
@@ -81,7 +84,7 @@ impl Study {
 
     /// Whether what either side keeps is weighed, or trained on, at all.
     fn check_kept(&self, claim: &Claim) -> Result<()> {
-        let trains = matches!(claim.measure, Measure::Score | Measure::Success);
+        let trains = claim.measure.is_of_policies();
         let curves = match &self.drawn.curves {
             None if trains => {
                 return Err(Error::bad_config(

@@ -13,7 +13,7 @@
 use serde::Serialize;
 
 use super::choice::TopK;
-use super::estimate::{self, Difference, Estimate, OverSets, estimate, paired_difference};
+use super::estimate::{self, Difference, Estimate, OverSets, estimate};
 use super::parts::Set;
 use super::plan::{Judge, Study};
 use super::pools::{PoolSummary, pools};
@@ -182,8 +182,10 @@ fn of_set(study: &Study, set: &Set, finished: &Finished) -> SetSummary {
     for (against, truth) in Truth::all(study, set, finished) {
         let ceiling = |measure: Measure<'_>| truth.ceiling(measure);
         summary.agreement.extend(agreement(&against, None, &hits_at, &ceiling));
-        let may_judge =
-            |of: &&Judged<'_>| !(of.clones && against == Against::Oracle(Rule::BehavioralCloning));
+        let may_judge = |of: &&Judged<'_>| match &against {
+            Against::Oracle(imitator) => study.may_be_held_against(of.method, *imitator),
+            Against::Known(_) => true,
+        };
         let judged: Vec<&Judged<'_>> = judged.iter().filter(may_judge).collect();
         for of in &judged {
             let by_seed =
@@ -204,16 +206,12 @@ fn of_set(study: &Study, set: &Set, finished: &Finished) -> SetSummary {
 /// What a method found of a set, one per finished seed.
 struct Judged<'s> {
     method: &'s Judge,
-    /// Whether it, or what it is made of, judges by cloning.
-    clones: bool,
     scores: Vec<(u64, Vec<f64>)>,
 }
 
 fn judged<'s>(study: &'s Study, set: &Set, method: &'s Judge, finished: &Finished) -> Judged<'s> {
     let of = |seed| Some((seed, study.scores(set, method, seed, finished)?));
-    let is_made_of = |name: &String| study.method(name).is_some_and(|part| part.clones);
-    let clones = method.clones || method.combination.as_ref().is_some_and(|of| of.of.iter().any(is_made_of));
-    Judged { method, clones, scores: set.seeds.each().filter_map(of).collect() }
+    Judged { method, scores: set.seeds.each().filter_map(of).collect() }
 }
 
 /// `values` applies a measure to each seed; `None` where there is no seed.
@@ -237,14 +235,14 @@ fn agreement(
 fn compared(against: &Against, truth: &Truth, one: &Judged<'_>, other: &Judged<'_>) -> Option<Compared> {
     let pairs = one.scores.iter().filter_map(|(seed, scores)| {
         let (_, others) = other.scores.iter().find(|(of, _)| of == seed)?;
-        Some((truth.agreement(&spearman, scores), truth.agreement(&spearman, others)))
+        Some([scores.clone(), others.clone()])
     });
-    let difference = paired_difference(&pairs.collect::<Vec<_>>())?;
+    let difference = truth.compared(&pairs.collect::<Vec<_>>())?;
     Some(Compared {
         truth: against.clone(),
         method: one.method.name.clone(),
         other: other.method.name.clone(),
-        separable: difference.is_separable(),
+        separable: difference.can_decide() && difference.is_separable(),
         difference,
     })
 }
@@ -262,7 +260,8 @@ fn over_sets(sets: &[SetSummary]) -> Vec<ComparedOverSets> {
     let over = |kind: &&Compared| {
         let each: Vec<Difference> = all().filter(|of| same(kind, of)).map(|of| of.difference).collect();
         let OverSets { difference, sets } = estimate::over_sets(&each)?;
-        let compared = Compared { difference, separable: difference.is_separable(), ..(*kind).clone() };
+        let separable = difference.can_decide() && difference.is_separable();
+        let compared = Compared { difference, separable, ..(*kind).clone() };
         Some(ComparedOverSets { compared, sets })
     };
     kinds.iter().filter_map(over).collect()

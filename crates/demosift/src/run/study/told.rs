@@ -10,7 +10,7 @@ use super::parts::Set;
 use super::plan::Study;
 use super::variants::{self, VariantLine};
 use super::weighed::{self, WeighedLine};
-use super::{Cell, Cost, Finished, Found, JudgingResult};
+use super::{Cell, Cost, Finished, Found, JudgingResult, TrainingResult};
 use crate::learning::adapt::Rule;
 
 /// What the policies are worth that learned from what a method keeps.
@@ -31,6 +31,8 @@ pub struct PolicyLine {
     pub score: Spread,
     /// Its success, where the task says.
     pub success: Option<Spread>,
+    /// Mean heuristic of the best policy on the way, on episodes that did not choose it.
+    pub best: Spread,
 }
 
 /// How much worse the policies from what a method keeps are than those from the truly best K, paired by seed.
@@ -49,6 +51,8 @@ pub struct LostLine {
     pub method: Option<String>,
     /// At the end of the training, above 0 where the truly best teach more.
     pub lost: Difference,
+    /// The same of the best policy on the way of each training.
+    pub lost_by_best: Difference,
 }
 
 /// Which demonstration a method puts first (Eq. 9).
@@ -216,6 +220,7 @@ fn policy_line(
     trained: &[Trained<'_>],
 ) -> Option<PolicyLine> {
     let scores: Vec<f64> = trained.iter().map(|of| of.result.end.score).collect();
+    let best: Vec<f64> = trained.iter().map(|of| of.result.chosen.score).collect();
     let successes: Option<Vec<f64>> = trained.iter().map(|of| of.result.end.success).collect();
     let kept = match kept {
         Kept::Weights => "by weights".to_owned(),
@@ -230,6 +235,7 @@ fn policy_line(
         method: method.cloned(),
         score: Spread::of(&scores)?,
         success: successes.and_then(|successes| Spread::of(&successes)),
+        best: Spread::of(&best)?,
     })
 }
 
@@ -240,7 +246,7 @@ fn lost(study: &Study, set: &Set, finished: &Finished) -> Vec<LostLine> {
         for count in study.compared_with_best(set, *imitator) {
             let best = |seed| {
                 let demos = study.truly_best_without(seed, set, *imitator, count, finished)?;
-                Some(finished.training(&set.name, &demos, *imitator, seed)?.end.score)
+                finished.training(&set.name, &demos, *imitator, seed)
             };
             let methods = study.methods.iter().map(|method| Some(method.name.clone())).chain([None]);
             lines.extend(methods.filter_map(|method| {
@@ -249,14 +255,20 @@ fn lost(study: &Study, set: &Set, finished: &Finished) -> Vec<LostLine> {
                     None => ("", Kept::All),
                 };
                 let trained = curves::trained(study, set, by, kept, *imitator, finished);
-                let pairs: Vec<(f64, f64)> =
-                    trained.iter().filter_map(|of| Some((best(of.seed)?, of.result.end.score))).collect();
+                let both: Vec<(&TrainingResult, &TrainingResult)> =
+                    trained.iter().filter_map(|of| Some((best(of.seed)?, of.result))).collect();
+                let by = |score: fn(&TrainingResult) -> f64| {
+                    let pairs: Vec<(f64, f64)> =
+                        both.iter().map(|(best, kept)| (score(best), score(kept))).collect();
+                    paired_difference(&pairs)
+                };
                 Some(LostLine {
                     set: set.name.clone(),
                     unit: set.unit.clone(),
                     imitator: *imitator,
                     kept: count,
-                    lost: paired_difference(&pairs)?,
+                    lost: by(|of| of.end.score)?,
+                    lost_by_best: by(|of| of.chosen.score)?,
                     method,
                 })
             }));

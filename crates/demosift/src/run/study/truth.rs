@@ -4,6 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::estimate::{Difference, difference_beside_drawn, paired_difference};
 use super::parts::Set;
 use super::plan::Study;
 use super::work::top;
@@ -112,6 +113,25 @@ impl Truth {
         }
     }
 
+    /// By how much better the first of each pair of scores ranks. The luck with which an oracle was drawn counts as well.
+    pub(super) fn compared(&self, pairs: &[[Vec<Score>; 2]]) -> Option<Difference> {
+        let difference =
+            |truth: &[f64], [one, other]: &[Vec<Score>; 2]| spearman(one, truth) - spearman(other, truth);
+        let beside =
+            |truth: Vec<f64>| pairs.iter().map(|pair| difference(&truth, pair)).collect::<Vec<f64>>();
+        match self {
+            Self::Known(values) => {
+                let pairs: Vec<(f64, f64)> = beside(values.clone()).into_iter().map(|of| (of, 0.0)).collect();
+                paired_difference(&pairs)
+            }
+            Self::Oracle(seeds) if seeds.len() == 1 => difference_beside_drawn(&[beside(seeds[0].clone())]),
+            Self::Oracle(seeds) => {
+                let each: Vec<Vec<f64>> = (0..seeds.len()).map(|left| beside(without(seeds, left))).collect();
+                difference_beside_drawn(&each)
+            }
+        }
+    }
+
     /// How well each seed of an oracle agrees with the mean of the others; nothing where there is one seed, or no oracle.
     pub(super) fn ceiling(&self, measure: Measure<'_>) -> Vec<f64> {
         match self {
@@ -148,14 +168,19 @@ impl Study {
     ) -> Option<Vec<DemoId>> {
         let best = self.truly_best(set, imitator, k, finished)?;
         match (k, Truth::oracle(self, set, imitator, finished)) {
-            (1, Some(Truth::Oracle(seeds))) if seeds.len() > 1 => {
+            (1, Some(Truth::Oracle(seeds))) => {
                 // Those of which a training failed are none of the oracle's.
                 let is_whole = |of: &u64| {
                     (0..set.demonstrations)
                         .all(|demo| finished.training(&set.name, &[DemoId(demo)], imitator, *of).is_some())
                 };
                 let left = set.oracle_seeds.each().filter(is_whole).position(|of| of == seed);
-                Some(left.map_or(best, |left| top(&without(&seeds, left), k)))
+                match left {
+                    // No other training says which one is the best.
+                    Some(_) if seeds.len() == 1 => None,
+                    Some(left) => Some(top(&without(&seeds, left), k)),
+                    None => Some(best),
+                }
             }
             _ => Some(best),
         }

@@ -31,7 +31,7 @@ pub struct VariantLine {
 pub(super) fn compared(study: &Study, finished: &Finished) -> Vec<VariantLine> {
     let mut families: Vec<Vec<&Set>> = Vec::new();
     for set in study.sets.iter().filter(|set| set.variant.is_some() && set.seeds.count > 1) {
-        match families.iter_mut().find(|family| is_the_same(family[0], set)) {
+        match families.iter_mut().find(|family| belongs(set, family, finished)) {
             Some(family) => family.push(set),
             None => families.push(vec![set]),
         }
@@ -43,10 +43,11 @@ pub(super) fn compared(study: &Study, finished: &Finished) -> Vec<VariantLine> {
     families.iter().filter(|family| family.len() > 1).flat_map(of).collect()
 }
 
-/// Whether two sets hold the same demonstrations, judged under two variants.
-fn is_the_same(one: &Set, other: &Set) -> bool {
-    (&one.task, one.demonstrations, &one.episodes, &one.recorded_under)
-        == (&other.task, other.demonstrations, &other.episodes, &other.recorded_under)
+/// Whether a set holds the same demonstrations as those of a family, judged under another variant than all of them.
+fn belongs(set: &Set, family: &[&Set], finished: &Finished) -> bool {
+    let hash = |set: &Set| finished.demonstrations_of(&set.name);
+    let is_the_same = family[0].task == set.task && hash(set).is_some() && hash(set) == hash(family[0]);
+    is_the_same && family.iter().all(|other| other.variant != set.variant)
 }
 
 fn line(study: &Study, family: &[&Set], method: &Judge, finished: &Finished) -> Option<VariantLine> {

@@ -377,6 +377,69 @@ fn what_is_lost_beside_the_truly_best_is_paired_by_seed() {
 }
 
 #[test]
+fn policies_are_compared_at_the_end_and_by_the_best_on_the_way() {
+    let mut study = drawn_study();
+    (study.oracle, study.sets[0].oracle_seeds) = (vec![Rule::Gail], seeds(3));
+    let at_the_end = claims::decide(&study, &drawn_cells(10));
+    let mut claim = study.drawn.claims[0].clone();
+    assert_eq!(
+        at_the_end[0].cases[0].found,
+        claims::Said::Agrees,
+        "at the end 3, which paper keeps, teaches more than 0"
+    );
+    claim.measure = Measure::Best;
+    study.drawn.claims = vec![claim];
+    let mut finished = drawn_cells(10);
+    for seed in 0..10 {
+        // What 0 teaches is best on the way and lost again.
+        let mut on_0 = trained(&[0], seed, 4.0);
+        if let Found::Training(result) = &mut on_0.found {
+            result.chosen.score = 9.0;
+        }
+        finished.add(on_0);
+        finished.add(trained(&[2], seed, 6.0));
+        if seed < 3 {
+            finished.add(trained(&[1], seed, 1.0));
+        }
+    }
+    let decided = claims::decide(&study, &finished);
+    assert_eq!(decided[0].cases[0].found, claims::Said::Disagrees);
+    close(decided[0].cases[0].difference.expect("ten pairs").mean, 6.0 - 9.0);
+    let told = told::tell(&study, &finished);
+    let cloning = |of: &&told::LostLine| of.kept == 1 && of.method.as_deref() == Some("cloning");
+    let lost = told.lost.iter().find(cloning).expect("a line");
+    close(lost.lost.mean, 6.0 - 4.0);
+    close(lost.lost_by_best.mean, 7.0 - 9.0);
+    let policy = told.policies.iter().find(|of| of.kept == "1" && of.method.as_deref() == Some("cloning"));
+    close(policy.expect("a line").best.mean, 9.0);
+}
+
+#[test]
+fn rankings_are_compared_by_their_agreement_with_the_oracle() {
+    let mut study = drawn_study();
+    let agreement = Claim { measure: Measure::Agreement, at: Vec::new(), ..study.drawn.claims[0].clone() };
+    study.drawn.claims = vec![agreement];
+    let told = study.check().expect_err("there is no oracle").to_string();
+    assert!(told.contains("no [oracle] to agree with"), "{told}");
+    (study.oracle, study.sets[0].oracle_seeds) = (vec![Rule::Gail, Rule::BehavioralCloning], seeds(3));
+    study.check().expect("fits");
+    let mut finished = drawn_cells(10);
+    for seed in 0..3 {
+        finished.add(trained(&[1], seed, 1.0));
+        finished.add(trained(&[2], seed, 6.0));
+    }
+    let decided = claims::decide(&study, &finished);
+    // The oracle has 2 before 3, 0 and 1; paper has 3, 2, 1, 0, and cloning the reverse: 0.6 and -0.6.
+    let [case] = decided[0].cases.as_slice() else {
+        panic!("cloning is not held against an oracle by cloning")
+    };
+    assert_eq!((case.found, case.imitator), (claims::Said::Agrees, Some(Rule::Gail)));
+    close(case.difference.expect("ten pairs").mean, 1.2);
+    study.drawn.claims[0].better = "all".to_owned();
+    assert!(study.check().is_err(), "the whole set ranks nothing");
+}
+
+#[test]
 fn what_weights_keep_is_told_with_how_alike_seeds_are() {
     let mut study = drawn_study();
     let told = told::tell(&study, &drawn_cells(10));
@@ -433,6 +496,16 @@ fn another_variant_is_told_from_another_seed() {
     close(of("paper").across, -1.0);
     close(of("cloning").across, 1.0);
     assert!(told::tell(&drawn_study(), &finished).variants.is_empty(), "there is one variant");
+
+    let mut twice = study.clone();
+    twice.sets[1].variant = twice.sets[0].variant.clone();
+    assert!(told::tell(&twice, &finished).variants.is_empty(), "one variant under two names");
+    let mut others = judged("paper", 0, [0.4, 0.3, 0.2, 0.1]);
+    others.work = Work::Judging { set: "high".to_owned(), method: "paper".to_owned(), seed: 0 };
+    others.fingerprint.set = "of other demonstrations".to_owned();
+    let mut unlike = drawn_cells(2);
+    unlike.add(others);
+    assert!(told::tell(&study, &unlike).variants.is_empty(), "as many demonstrations of another file");
 }
 
 #[test]
