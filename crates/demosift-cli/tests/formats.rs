@@ -104,6 +104,24 @@ fn what_is_kept_goes_back_to_where_it_came_from() {
     refuses(&scratch, "export r --as robomimic-filter-key --edit-my-file --name good", &["'good' already"]);
     refuses(&scratch, "export m --as lerobot-episodes", &["stored as minari-hdf5", "--as lerobot --out"]);
     refuses(&scratch, "export l --as minari", &["a folder", "--out FOLDER"]);
+    for (nothing, command) in [
+        ("--edit-my-file", "export l --as lerobot --out again"),
+        ("--name good", "export l --as csv"),
+        ("--fps 5", "export m --as minari --out again"),
+        ("--out again", "export r --as robomimic-filter-key --edit-my-file"),
+        ("--demonstration-ids 1", "export r --as onnx --out again"),
+        ("--data set", "export r --as onnx --out again"),
+        ("--fps 5", "convert set again --to minari"),
+        ("--task point_mass", "convert set again --to minari"),
+    ] {
+        let option = nothing.split(' ').next().unwrap();
+        refuses(
+            &scratch,
+            &format!("{command} {nothing}"),
+            &[&format!("{option} changes nothing of"), "leave it away"],
+        );
+    }
+    assert!(!scratch.0.join("again").exists());
 
     fs::write(
         scratch.0.join("lerobot/data/chunk-000/file-000.parquet"),

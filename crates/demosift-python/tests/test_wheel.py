@@ -317,15 +317,19 @@ class InParts(InScratch):
         self.assertFalse(pathlib.Path("runs").exists())
 
     def test_words_name_files_from_any_folder(self):
-        for name in ["my_env.py", "set.hdf5", "values.toml"]:
+        for name in ["my_env.py", "set.hdf5", "values.toml", "set.toml"]:
             pathlib.Path(name).touch()
-        pathlib.Path("gymnasium").mkdir()
+        for name in ["gymnasium", "handstand", "my_task"]:
+            pathlib.Path(name).mkdir()
         here = os.getcwd()
         for typed, wanted in [
             ("set.hdf5", f"{here}/set.hdf5"),
             ("--env=my_env.py:make", f"--env={here}/my_env.py:make"),
             ("--heuristic=my_env.py:score", f"--heuristic={here}/my_env.py:score"),
             ("--config=values.toml", f"--config={here}/values.toml"),
+            ("--set-file=set.toml", f"--set-file={here}/set.toml"),
+            ("--task=my_task", f"--task={here}/my_task"),
+            ("--task=handstand", None),
             ("--env=gymnasium:HalfCheetah-v5", None),
             ("--heuristic=negated min gap", None),
             ("--python=python3", None),

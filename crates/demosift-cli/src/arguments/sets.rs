@@ -72,9 +72,9 @@ pub(crate) struct ExportArguments {
     /// A new file or folder [default for words: standard output]
     #[arg(long, value_name = "PATH")]
     pub(crate) out: Option<PathBuf>,
-    /// Name of the robomimic filter key
-    #[arg(long, value_name = "NAME", default_value = "demosift")]
-    pub(crate) name: String,
+    /// Name of the robomimic filter key [default: demosift]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) name: Option<String>,
     /// Steps in a second, which LeRobot wants to know [default: as the source says, else its set.toml, else the task of the
     /// run]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]

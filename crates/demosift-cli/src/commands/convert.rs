@@ -16,6 +16,7 @@ use crate::job::states;
 use crate::{console::terminal, task};
 
 pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
+    check_unused(arguments)?;
     let Opened { source, path, said, .. } =
         demonstrations::open_unchecked(Some(&arguments.demonstrations), &arguments.source, None)?;
     demonstrations::say_what_is_not_read(&source);
@@ -50,6 +51,18 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
     let (count, total) = (counted(source.episodes.len(), "episode"), counted(steps, "step"));
     terminal::show(&format!("{count} of {total} in all: {}\n", out.display()));
     Ok(())
+}
+
+/// Refuses what would say nothing: only LeRobot keeps a rate and what was shown.
+fn check_unused(arguments: &ConvertArguments) -> Result<()> {
+    let given = [("--task", arguments.task.is_some()), ("--fps", arguments.fps.is_some())];
+    match given.iter().find(|(_, is_given)| *is_given && arguments.to == Target::Minari) {
+        None => Ok(()),
+        Some((option, _)) => {
+            Err(Error::bad_config(format!("{option} changes nothing of --to minari"))
+                .with_hint("leave it away"))
+        }
+    }
 }
 
 /// What is asked for where a set is written.

@@ -4,6 +4,7 @@ mod policies;
 
 use std::path::{Path, PathBuf};
 
+use clap::ValueEnum as _;
 use demosift::basics::counting::counted;
 use demosift::basics::files;
 use demosift::data::demonstration::episode::Format;
@@ -46,6 +47,7 @@ struct Kept {
 }
 
 pub(crate) fn run(arguments: &ExportArguments) -> Result<()> {
+    check_unused(arguments)?;
     // Not everything needs the demonstrations, which may be gone.
     let kept = || {
         let kept = open(arguments)?;
@@ -62,6 +64,24 @@ pub(crate) fn run(arguments: &ExportArguments) -> Result<()> {
         Form::RobomimicFilterKey => add_filter_key(&kept()?, arguments),
         Form::Onnx => policies::run(arguments),
     }
+}
+
+/// Refuses what would say nothing.
+fn check_unused(arguments: &ExportArguments) -> Result<()> {
+    let ExportArguments { run: _, form, data, out, name, fps, demonstration_ids, edit_my_file } = arguments;
+    let (makes_key, reads_set) = (*form == Form::RobomimicFilterKey, *form != Form::Onnx);
+    let given = [
+        ("--data", data.is_some() && !reads_set),
+        ("--demonstration-ids", !demonstration_ids.is_empty() && !reads_set),
+        ("--fps", fps.is_some() && *form != Form::Lerobot),
+        ("--name", name.is_some() && !makes_key),
+        ("--edit-my-file", *edit_my_file && !makes_key),
+        ("--out", out.is_some() && makes_key),
+    ];
+    let Some((option, _)) = given.iter().find(|(_, is_unused)| *is_unused) else { return Ok(()) };
+    let form = form.to_possible_value().expect("no form is skipped");
+    Err(Error::bad_config(format!("{option} changes nothing of --as {}", form.get_name()))
+        .with_hint("leave it away"))
 }
 
 fn write_lerobot(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
@@ -315,11 +335,11 @@ fn add_filter_key(kept: &Kept, arguments: &ExportArguments) -> Result<()> {
             .at(path)
             .with_hint("add --edit-my-file to allow it; nothing but the key is changed"));
     }
+    let name = arguments.name.as_deref().unwrap_or("demosift");
     // In place, so a write that is cut short could take the whole file with it.
-    undisturbed(|| robomimic::add_filter_key(path, &arguments.name, &labels(kept)))?;
+    undisturbed(|| robomimic::add_filter_key(path, name, &labels(kept)))?;
     terminal::show(&format!(
-        "Filter key '{}' of {}: {}\n",
-        arguments.name,
+        "Filter key '{name}' of {}: {}\n",
         counted(kept.ids.len(), "demonstration"),
         path.display()
     ));

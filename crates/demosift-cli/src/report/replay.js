@@ -43,7 +43,7 @@
     for (const panel of panels) {
       const episode = panel.episode;
       panel.label.className = episode ? "" : "none";
-      if (!episode) { panel.label.replaceChildren(`${panel.name}: no states recorded`); continue; }
+      if (!episode) { panel.label.replaceChildren(`${panel.name}: ${panel.part === "demonstration" ? "no states recorded" : "not played"}`); continue; }
       panel.label.replaceChildren(el("b", {}, panel.name), el("br"), el("span", { class: "small" }, episodeInWords(episode)));
     }
     seen.dirty = true;

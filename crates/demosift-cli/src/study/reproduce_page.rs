@@ -189,8 +189,14 @@ impl Page<'_> {
             Ok(_) => study.name.clone(),
             Err(_) => format!("{}.toml", study.name),
         };
+        let only = if study.drawn.in_part {
+            let sets: Vec<&str> = study.sets.iter().map(|set| set.name.as_str()).collect();
+            format!(" --only {}", sets.join(","))
+        } else {
+            String::new()
+        };
         let mut text = format!(
-            "```sh\n# demosift {version}, {commit}, {machine}\ndemosift reproduce {what} --preset {preset} --seeds {asked}\n```\n\n"
+            "```sh\n# demosift {version}, {commit}, {machine}\ndemosift reproduce {what} --preset {preset} --seeds {asked}{only}\n```\n\n"
         );
         text += &sentences(&format!(
             "{there} of {all} cells with up to {asked} seeds a set took {} environment steps and {} of a processor. \

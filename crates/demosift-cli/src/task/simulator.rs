@@ -25,6 +25,8 @@ pub(super) const PYTHON: &str = "python3";
 const TIME_LIMIT_SECS: u64 = 60;
 /// More workers than any machine has processors are a typing mistake, and would be started.
 const MOST_WORKERS: usize = 4096;
+/// More than a year is a typing error, and a clock cannot count all that a number can say.
+const MOST_SECS: u64 = 365 * 24 * 60 * 60;
 /// What a run on a slow environment leaves out, unless it is asked for.
 const SLOW_VALUES: &str = "judges = 'cloning'\nreferee.gail = 0";
 
@@ -175,9 +177,16 @@ pub(crate) fn open(
 
 /// How long a start, a reset, a step or an action may take.
 pub(super) fn time_limit(asked: &SimulatorArguments) -> Result<Duration> {
-    match asked.time_limit.unwrap_or(TIME_LIMIT_SECS) {
-        0 => Err(Error::bad_config("--time-limit 0: must be at least 1 second")),
-        secs => Ok(Duration::from_secs(secs)),
+    limit("--time-limit", asked.time_limit.unwrap_or(TIME_LIMIT_SECS))
+}
+
+/// So many seconds, if they can be meant.
+pub(super) fn limit(option: &str, secs: u64) -> Result<Duration> {
+    match secs {
+        1..=MOST_SECS => Ok(Duration::from_secs(secs)),
+        _ => {
+            Err(Error::bad_config(format!("{option} {secs}: must be from 1 to {MOST_SECS} seconds, a year")))
+        }
     }
 }
 

@@ -3,7 +3,6 @@
 //! Which one it is stands in the run's configuration, as far as it may be asked for differently: the table `trainer`.
 
 use std::path::PathBuf;
-use std::time::Duration;
 
 use demosift::stages::referee::Refereeing;
 use demosift::{Error, Result};
@@ -12,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
 use super::Chosen;
-use super::simulator::{PYTHON, absolute, time_limit};
+use super::simulator::{PYTHON, absolute, limit, time_limit};
 use crate::arguments::JobArguments;
 use crate::configuration::{self, TRAINER};
 
@@ -48,9 +47,7 @@ pub(crate) fn ask(values: &mut Table, arguments: &JobArguments, chosen: &Chosen)
     if let Some(of_run) = &mut of_run {
         of_run.python = python.unwrap_or_else(|| of_run.python.clone());
         of_run.timeout_secs = asked.trainer_timeout.unwrap_or(of_run.timeout_secs);
-        if of_run.timeout_secs == 0 {
-            return Err(Error::bad_config("--trainer-timeout 0: must be at least 1 second"));
-        }
+        limit("--trainer-timeout", of_run.timeout_secs)?;
     } else if asked.trainer_timeout.is_some() {
         return Err(Error::bad_config("--trainer-timeout is about a trainer, and none is given")
             .with_hint("add --trainer FILE.py:FUNCTION, or leave it away"));
@@ -119,7 +116,7 @@ pub(crate) fn open(
         typed: &train,
         python,
         time_limit: time_limit(&arguments.run.simulator)?,
-        training_limit: Duration::from_secs(timeout_secs),
+        training_limit: limit("--trainer-timeout", timeout_secs)?,
         task: chosen.task.specification(),
         in_own_unit: chosen.simulated.is_some(),
     };

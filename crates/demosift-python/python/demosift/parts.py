@@ -18,7 +18,7 @@ _ROUNDS = 100
 #: Stages that start from the prior of the paper's judge.
 _FROM_PRIOR = {"judge_paper", "subset_selection"}
 #: Options whose value is a file, or a function in one.
-_FILES = {"--env", "--trainer", "--heuristic", "--measure", "--config", "--task", "--python"}
+_FILES = {"--env", "--trainer", "--heuristic", "--measure", "--config", "--set-file", "--task", "--python"}
 
 
 def in_parts(words: Sequence[str | os.PathLike[str]], out: Path, parts: int, map: Map) -> None:
@@ -135,6 +135,11 @@ def absolute(word: str | os.PathLike[str]) -> str:
     file, _, name = value.rpartition(":")
     if file.endswith(".py") and os.path.isfile(file):
         return f"{option}={os.path.abspath(file)}:{name}"
-    # A name on the PATH, such as python3, is none of a file here.
-    is_here = os.path.exists(value) and (option != "--python" or os.sep in value)
-    return f"{option}={os.path.abspath(value)}" if is_here else typed
+    return f"{option}={os.path.abspath(value)}" if os.path.exists(value) and not _is_name(option, value) else typed
+
+
+def _is_name(option: str, value: str) -> bool:
+    """Whether the command takes it as a name, whatever lies here: one on the PATH, such as python3, or of a task that it knows."""
+    if os.sep in value:
+        return False
+    return option == "--python" or (option == "--task" and value in command.ask_json(["tasks"]))
