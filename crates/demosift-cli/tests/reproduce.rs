@@ -286,10 +286,11 @@ fn a_dry_run_counts_and_a_preset_changes_what_it_says() {
     ] {
         assert!(told.contains(part), "{told}");
     }
-    // It is made of cells that others have counted.
+    // But for what it asks besides, it is made of cells that others have counted.
     let (_, table) = told.split_once("Table 1: ").unwrap();
     let (table, _) = table.split_once("Eq. 9: ").unwrap();
-    assert!(!table.contains("judging by"), "{table}");
+    assert!(!table.contains("judging by MAML + MI") && !table.contains("judging by Avg"), "{table}");
+    assert!(table.contains("judging by MAML, 15 meta-updates"), "{table}");
 }
 
 /// The command fails with one error that says all of `wanted`, and makes no folder.
