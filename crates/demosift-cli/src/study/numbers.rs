@@ -86,7 +86,11 @@ impl Shown<'_> {
                 None => format!("{}: {}", first.demo, first.times),
             };
             let firsts: Vec<String> = of.firsts.iter().map(first).collect();
-            let mut row = vec![of.set.clone(), of.method.clone(), firsts.join(", ")];
+            let gain = of
+                .gain
+                .as_ref()
+                .map_or("-".to_owned(), |gain| spread(gain, Scale::of([gain.mean], &of.unit)));
+            let mut row = vec![of.set.clone(), of.method.clone(), firsts.join(", "), gain];
             if knows_variants {
                 row.extend(
                     [of.fitting, of.fitting_in_set].map(|of| of.map_or("-".to_owned(), |of| of.to_string())),
@@ -95,32 +99,38 @@ impl Shown<'_> {
             row.push(of.seeds.to_string());
             row
         };
-        let mut header = vec!["set", "method", "first: with how many seeds"];
+        let mut header = vec!["set", "method", "first: with how many seeds", "its gain"];
         if knows_variants {
             header.extend(["first is of this variant", "of this variant in the set"]);
         }
         header.push("seeds");
         let rows = self.told.firsts.iter().map(row).collect();
-        let below = if knows_variants {
-            "In brackets is the variant under which a demonstration was recorded."
-        } else {
-            ""
-        };
+        let under = "In brackets is the variant under which a demonstration was recorded. ";
+        let below = format!(
+            "{}The gain is how much better the agent is after imitating it, by the judging that put it first, which flatters it. {DEVIATION}",
+            if knows_variants { under } else { "" }
+        );
         let title = "Which demonstration comes first:";
-        Section { below: below.to_owned(), ..Section::of(title, &header, rows) }
+        Section { below, ..Section::of(title, &header, rows) }
     }
 
     fn variants(&self) -> Section {
         let row = |of: &variants::VariantLine| {
-            let mut row = vec![of.task.clone(), of.method.clone(), of.variants.to_string()];
-            row.extend([of.within, of.across].map(|alike| format!("{alike:.2}")));
-            row.push(of.seeds.to_string());
-            row
+            let others: Vec<String> =
+                of.others.iter().map(|other| format!("{} {:.2}", other.variant, other.spearman)).collect();
+            vec![
+                of.task.clone(),
+                of.method.clone(),
+                of.variant.clone(),
+                format!("{:.2}", of.same),
+                others.join(", "),
+                of.seeds.to_string(),
+            ]
         };
-        let header = ["task", "method", "variants", "same variant", "two variants", "seeds"];
+        let header = ["task", "method", "variant", "with itself", "with others", "seeds"];
         let rows = self.told.variants.iter().map(row).collect();
-        let below = "It is Spearman's correlation of the scores of two seeds, the mean over all pairs. Where it is as high under two \
-                     variants as under one, a method ranks all variants alike.";
+        let below = "It is Spearman's correlation of the scores of two seeds, the mean over all pairs. Where it is as high with another \
+                     variant as with itself, a method ranks both alike.";
         let title = "Whether another variant is ranked otherwise:";
         Section { below: below.to_owned(), ..Section::of(title, &header, rows) }
     }

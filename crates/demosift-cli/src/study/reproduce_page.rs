@@ -278,9 +278,16 @@ fn pairs(decided: &Decided) -> String {
 
 /// Markdown has one sentence per line.
 fn sentences(words: &str) -> String {
-    let joined = words.split_whitespace().collect::<Vec<_>>().join(" ");
-    let lines = joined.replace(". ", ".\n").replace(".** ", ".**\n").replace(".\n,", ". ,");
-    format!("{lines}\n")
+    const ABBREVIATIONS: [&str; 2] = ["Eq.", "Fig."];
+    let mut lines = String::new();
+    let mut words = words.split_whitespace().peekable();
+    while let Some(word) = words.next() {
+        lines += word;
+        let is_last = word.ends_with('.') && !ABBREVIATIONS.contains(&word) || word.ends_with(".**");
+        let is_followed = words.peek().is_some_and(|next| next.starts_with(','));
+        lines.push(if is_last && !is_followed || words.peek().is_none() { '\n' } else { ' ' });
+    }
+    lines
 }
 
 fn hours(hours: f64) -> String {
@@ -321,4 +328,18 @@ fn verdict(decided: &Decided) -> String {
         .map(|(count, what)| format!("{count} {what}"))
         .collect();
     format!("Of {} comparisons {}.", decided.cases.len(), said.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sentence_has_a_line_of_its_own() {
+        let text = "**In part.** Of Fig. 3 and\n Eq. 9 one holds.  The other, 0.5, does not.";
+        assert_eq!(
+            sentences(text),
+            "**In part.**\nOf Fig. 3 and Eq. 9 one holds.\nThe other, 0.5, does not.\n"
+        );
+    }
 }

@@ -65,6 +65,10 @@ pub struct FirstLine {
     pub method: String,
     /// Each that is first with some seed, by how often.
     pub firsts: Vec<First>,
+    /// The score of the first (Eq. 8) in the same judging, which flatters it; `None` of a combination.
+    pub gain: Option<Spread>,
+    /// Of the heuristic.
+    pub unit: String,
     /// With how many seeds the first was recorded under the variant that is judged, where that is known.
     pub fitting: Option<usize>,
     /// How many demonstrations of the set were.
@@ -286,7 +290,14 @@ fn firsts(study: &Study, set: &Set, finished: &Finished) -> Vec<FirstLine> {
             let kept = Kept::Top(TopK::Count(1));
             Some(study.kept(set, &method.name, kept, seed, finished)?.first()?.0)
         };
-        let found: Vec<usize> = set.seeds.each().filter_map(first).collect();
+        let by_seed: Vec<(u64, usize)> =
+            set.seeds.each().filter_map(|seed| Some((seed, first(seed)?))).collect();
+        let gain = |&(seed, first): &(u64, usize)| {
+            let judging = finished.judging(&set.name, &method.name, seed)?;
+            Some(judging.demonstrations.get(first)?.score)
+        };
+        let gains: Vec<f64> = by_seed.iter().filter_map(gain).collect();
+        let found: Vec<usize> = by_seed.iter().map(|(_, first)| *first).collect();
         let times = |demo: usize| found.iter().filter(|first| **first == demo).count();
         let mut firsts: Vec<First> = (0..set.demonstrations)
             .map(|demo| First { demo, times: times(demo), recorded_under: under(demo).cloned() })
@@ -298,6 +309,8 @@ fn firsts(study: &Study, set: &Set, finished: &Finished) -> Vec<FirstLine> {
             set: set.name.clone(),
             method: method.name.clone(),
             firsts,
+            gain: Spread::of(&gains),
+            unit: set.unit.clone(),
             fitting: known(found.iter().filter(|first| fits(first)).count()),
             fitting_in_set: known((0..set.demonstrations).filter(fits).count()),
             seeds: found.len(),

@@ -9,7 +9,7 @@ use super::truth::spearman;
 use crate::math::statistics;
 use crate::world::heuristic::Score;
 
-/// How alike two rankings of the same demonstrations are.
+/// How alike a method ranks the same demonstrations under one variant and under others.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct VariantLine {
@@ -17,14 +17,24 @@ pub struct VariantLine {
     pub task: String,
     /// By which method.
     pub method: String,
-    /// Variants under which the set is judged.
-    pub variants: usize,
-    /// Spearman's correlation of two seeds under the same variant, mean over all pairs and then over the variants.
-    pub within: f64,
-    /// That of two seeds under two variants, mean over all pairs and then over the pairs of variants.
-    pub across: f64,
-    /// The fewest seeds under any of them.
+    /// The variant.
+    pub variant: String,
+    /// Spearman's correlation of two seeds under this variant, mean over all pairs.
+    pub same: f64,
+    /// That of a seed under this variant and another under another one.
+    pub others: Vec<Alike>,
+    /// The fewest seeds under any variant.
     pub seeds: usize,
+}
+
+/// How alike rankings under another variant are.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct Alike {
+    /// The other one.
+    pub variant: String,
+    /// Spearman's correlation of two seeds, mean over all pairs.
+    pub spearman: f64,
 }
 
 /// Of each method and each set that is judged under several variants, where each has two seeds.
@@ -38,7 +48,7 @@ pub(super) fn compared(study: &Study, finished: &Finished) -> Vec<VariantLine> {
     }
     let of = |family: &Vec<&Set>| {
         let methods = study.methods.iter();
-        methods.filter_map(|method| line(study, family, method, finished)).collect::<Vec<_>>()
+        methods.filter_map(|method| lines(study, family, method, finished)).flatten().collect::<Vec<_>>()
     };
     families.iter().filter(|family| family.len() > 1).flat_map(of).collect()
 }
@@ -50,30 +60,47 @@ fn belongs(set: &Set, family: &[&Set], finished: &Finished) -> bool {
     is_the_same && family.iter().all(|other| other.variant != set.variant)
 }
 
-fn line(study: &Study, family: &[&Set], method: &Judge, finished: &Finished) -> Option<VariantLine> {
-    let of_set = |set: &&Set| -> Vec<(u64, Vec<Score>)> {
-        let seeds = set.seeds.each();
-        seeds.filter_map(|seed| Some((seed, study.scores(set, method, seed, finished)?))).collect()
+/// A line for each variant, where each has seeds to compare.
+fn lines(study: &Study, family: &[&Set], method: &Judge, finished: &Finished) -> Option<Vec<VariantLine>> {
+    let judged: Vec<Judged<'_>> = family.iter().map(|set| Judged::of(study, set, method, finished)).collect();
+    let seeds = judged.iter().map(|of| of.scores.len()).min().unwrap_or(0);
+    let line = |of: &Judged<'_>| {
+        let others = judged.iter().filter(|other| other.variant != of.variant);
+        let others =
+            others.map(|other| Some(Alike { variant: other.variant.to_owned(), spearman: of.alike(other)? }));
+        Some(VariantLine {
+            task: family[0].task.clone(),
+            method: method.name.clone(),
+            variant: of.variant.to_owned(),
+            same: of.alike(of)?,
+            others: others.collect::<Option<_>>()?,
+            seeds,
+        })
     };
-    let judged: Vec<Vec<(u64, Vec<Score>)>> = family.iter().map(of_set).collect();
-    // Seeds of which both draw the same random numbers would be alike for that.
-    let alike = |one: &Vec<(u64, Vec<Score>)>, other: &Vec<(u64, Vec<Score>)>| {
-        let pairs = one.iter().flat_map(|one| other.iter().map(move |other| (one, other)));
+    judged.iter().map(line).collect()
+}
+
+/// What a method found under one variant, seed by seed.
+struct Judged<'s> {
+    variant: &'s str,
+    scores: Vec<(u64, Vec<Score>)>,
+}
+
+impl<'s> Judged<'s> {
+    fn of(study: &Study, set: &'s Set, method: &Judge, finished: &Finished) -> Self {
+        let scores = set
+            .seeds
+            .each()
+            .filter_map(|seed| Some((seed, study.scores(set, method, seed, finished)?)))
+            .collect();
+        Self { variant: set.variant.as_deref().unwrap_or_default(), scores }
+    }
+
+    /// `None` without two seeds; a seed is never held against itself, whose random numbers are the same under all variants.
+    fn alike(&self, other: &Self) -> Option<f64> {
+        let pairs = self.scores.iter().flat_map(|one| other.scores.iter().map(move |other| (one, other)));
         let pairs = pairs.filter(|((seed, _), (other, _))| seed != other);
         let found: Vec<f64> = pairs.map(|((_, one), (_, other))| spearman(one, other)).collect();
         (!found.is_empty()).then(|| statistics::mean(&found))
-    };
-    let within: Vec<f64> = judged.iter().map(|of| alike(of, of)).collect::<Option<_>>()?;
-    let pairs = judged.iter().enumerate();
-    let across: Vec<f64> = pairs
-        .flat_map(|(place, one)| judged[place + 1..].iter().map(move |other| alike(one, other)))
-        .collect::<Option<_>>()?;
-    Some(VariantLine {
-        task: family[0].task.clone(),
-        method: method.name.clone(),
-        variants: family.len(),
-        within: statistics::mean(&within),
-        across: statistics::mean(&across),
-        seeds: judged.iter().map(Vec::len).min().unwrap_or(0),
-    })
+    }
 }

@@ -490,11 +490,17 @@ fn another_variant_is_told_from_another_seed() {
         }
     }
     let told = told::tell(&study, &finished);
-    let of = |method: &str| told.variants.iter().find(|of| of.method == method).expect("a line");
-    assert_eq!((of("paper").variants, of("paper").seeds), (2, 2));
-    close(of("paper").within, 1.0);
-    close(of("paper").across, -1.0);
-    close(of("cloning").across, 1.0);
+    let of = |method: &str| {
+        let lines: Vec<_> = told.variants.iter().filter(|of| of.method == method).collect();
+        let [low, high] = lines.as_slice() else { panic!("one of each variant") };
+        assert_eq!([&low.variant, &low.others[0].variant, &high.others[0].variant], ["low", "high", "low"]);
+        assert_eq!((low.seeds, low.others.len(), low.others[0].spearman), (2, 1, high.others[0].spearman));
+        [low.same, low.others[0].spearman]
+    };
+    let [same, other] = of("paper");
+    close(same, 1.0);
+    close(other, -1.0);
+    close(of("cloning")[1], 1.0);
     assert!(told::tell(&drawn_study(), &finished).variants.is_empty(), "there is one variant");
 
     let mut twice = study.clone();
