@@ -55,12 +55,20 @@ pub(crate) fn run(arguments: &ConvertArguments) -> Result<()> {
 
 /// Refuses what would say nothing: only LeRobot keeps a rate and what was shown.
 fn check_unused(arguments: &ConvertArguments) -> Result<()> {
-    let given = [("--task", arguments.task.is_some()), ("--fps", arguments.fps.is_some())];
-    match given.iter().find(|(_, is_given)| *is_given && arguments.to == Target::Minari) {
+    let keeps_none = arguments.to != Target::Lerobot;
+    let given = [
+        ("--task", arguments.task.is_some() && keeps_none),
+        ("--fps", arguments.fps.is_some() && keeps_none),
+    ];
+    refuse_unused(&given, "--to minari")
+}
+
+/// The first option that is given in vain is an error, which names what it changes nothing of.
+pub(super) fn refuse_unused(given: &[(&str, bool)], of: &str) -> Result<()> {
+    match given.iter().find(|(_, in_vain)| *in_vain) {
         None => Ok(()),
         Some((option, _)) => {
-            Err(Error::bad_config(format!("{option} changes nothing of --to minari"))
-                .with_hint("leave it away"))
+            Err(Error::bad_config(format!("{option} changes nothing of {of}")).with_hint("leave it away"))
         }
     }
 }

@@ -78,10 +78,8 @@ fn check_unused(arguments: &ExportArguments) -> Result<()> {
         ("--edit-my-file", *edit_my_file && !makes_key),
         ("--out", out.is_some() && makes_key),
     ];
-    let Some((option, _)) = given.iter().find(|(_, is_unused)| *is_unused) else { return Ok(()) };
     let form = form.to_possible_value().expect("no form is skipped");
-    Err(Error::bad_config(format!("{option} changes nothing of --as {}", form.get_name()))
-        .with_hint("leave it away"))
+    convert::refuse_unused(&given, &format!("--as {}", form.get_name()))
 }
 
 fn write_lerobot(kept: &Kept, arguments: &ExportArguments) -> Result<()> {

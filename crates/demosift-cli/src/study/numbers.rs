@@ -218,8 +218,8 @@ impl Shown<'_> {
         let rows = self.told.distances.iter().map(row).collect();
         let below = format!(
             "{DEVIATION} Agents of the judge by cloning act by their mean, the others sample, and what is sampled is farther from \
-             anything, so the two kinds cannot be compared. In raw units velocities outweigh all else: on the sports an agent that \
-             keeps still is nearer than any that imitates (docs/paper.md, reading 11)."
+             anything, so the two kinds cannot be compared. In raw units a few columns outweigh all \
+             others, and an agent that keeps still can be nearer than one that imitates (docs/paper.md, reading 11)."
         );
         Section { below, ..Section::of(title, &["set", "method", "ABD", "seeds"], rows) }
     }
